@@ -9,7 +9,7 @@ mod state;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, Fault, Impulse, Meeting, Potential, StepOutcome, Terms};
+use vi_core::{Acting, Fault, Impulse, Live, Meeting, Potential, StepOutcome, Terms, Tube};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -21,6 +21,7 @@ use crate::linear::matrix_sum::MatrixSum;
 use crate::vectors;
 
 use near::Near;
+use state::{FAR, Region, distance};
 
 pub(crate) use near::END_PER_STAGE;
 pub(crate) use state::LiveState;
@@ -37,6 +38,8 @@ pub(crate) struct LiveSum {
     block: Option<usize>,
     state: LiveState,
     near: Option<Near>,
+    /// The region of the stencils, if it has a path.
+    tube: Option<Tube>,
     union: Option<MatrixSum>,
     /// The fault of a live term whose stencils cannot be used.
     fault: Option<TermFault>,
@@ -60,6 +63,7 @@ impl LiveSum {
             block: (!terms.fixed().is_empty()).then_some(block),
             state: LiveState::default(),
             near: None,
+            tube: None,
             union: None,
             fault: None,
             buffer: vec![0.0; terms.coordinates().dof_count()],
@@ -82,30 +86,33 @@ impl LiveSum {
     /// Restores the stencils of a state.
     pub(crate) fn go_to(&mut self, state: &LiveState) {
         self.union = None;
-        self.near = None;
+        (self.near, self.tube) = (None, None);
         self.state = LiveState::default();
         self.passage.go_to(&state.step);
-        if !state.about.is_empty() {
-            self.renew(&state.about, state.reach);
+        if !state.region.about.is_empty() {
+            self.renew(state.region.clone());
         }
         self.state = state.clone();
     }
 
-    /// Requests the stencils about `x`.
-    fn renew(&mut self, x: &[f64], reach: f64) {
+    /// Requests the stencils of a region.
+    fn renew(&mut self, region: Region) {
         self.renewals += 1;
-        self.state.about.clear();
-        self.state.about.extend_from_slice(x);
-        self.state.reach = reach;
-        match self.ask(x, reach) {
+        match self.ask(&region) {
             Ok(near) => (self.near, self.fault) = (Some(near), None),
             Err(fault) => (self.near, self.fault) = (None, Some(fault)),
         }
+        self.tube = region.tube();
+        self.state.region = region;
     }
 
-    fn ask(&self, x: &[f64], reach: f64) -> Result<Near, TermFault> {
-        let potentials: Vec<Arc<dyn Potential>> =
-            self.terms.live().iter().map(|term| term.near(x, reach.max(term.reach()))).collect();
+    fn ask(&self, region: &Region) -> Result<Near, TermFault> {
+        let tube = region.tube();
+        let potential = |term: &Arc<dyn Live>| match &tube {
+            Some(tube) => term.within(tube),
+            None => term.near(&region.about, region.reach.max(term.reach())),
+        };
+        let potentials: Vec<Arc<dyn Potential>> = self.terms.live().iter().map(potential).collect();
         for potential in &potentials {
             let stencils = potential.stencils();
             if self.block.is_some_and(|block| !stencils.block.is_multiple_of(block)) {
@@ -150,28 +157,33 @@ impl LiveSum {
         Ok(Near { whole: assembler(potentials)?, parts, discrete, over, close: None })
     }
 
-    /// Ensures that the stencils are valid at positions `x`, and at all `others` too.
+    /// Returns whether the stencils are valid at positions `x`.
+    fn serves(&self, x: &[f64]) -> bool {
+        match &self.tube {
+            Some(tube) => tube.contains(x),
+            None => self.state.region.is_near(x),
+        }
+    }
+
+    /// Ensures that the stencils are valid at positions `x`, and at all `others` too. Positions that are not finite have no
+    /// energy; the fixed terms report this to the caller.
     fn follow<'a>(&mut self, x: &[f64], others: impl IntoIterator<Item = &'a [f64]> + Clone) {
-        let (about, reach) = (&self.state.about, self.state.reach);
-        let serves = |x: &[f64]| about.len() == x.len() && distance(x, about) <= reach;
-        if serves(x) && others.clone().into_iter().all(serves) {
+        if self.serves(x) && others.clone().into_iter().all(|x| self.serves(x)) {
             return;
         }
-        let apart = others.into_iter().map(|other| distance(x, other)).fold(0.0, f64::max);
-        if !apart.is_finite() || !vectors::all_finite(x) {
-            // Positions that are not finite have no energy; the fixed terms report this to the caller.
-            return;
+        if let Some(region) = Region::around(x, others, self.shortest_reach()) {
+            self.renew(region);
         }
-        let x = x.to_vec();
-        self.renew(&x, self.shortest_reach().max(1.0001 * apart));
     }
 
     /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
     /// matrix has an entry for every stencil.
     fn tighten(&mut self, start: &[f64], end: &[f64]) {
-        let needed = self.shortest_reach().max(1.0001 * distance(start, end));
-        if self.near.is_some() && needed.is_finite() && self.state.reach > LONGEST_REACH * needed {
-            self.renew(start, needed);
+        if let Some(needed) = Region::around(start, Some(end), self.shortest_reach())
+            && self.near.is_some()
+            && self.state.region.reach > LONGEST_REACH * needed.reach
+        {
+            self.renew(needed);
         }
     }
 
@@ -379,7 +391,7 @@ impl LiveSum {
             }
             None => self.follow(x, None),
         }
-        if self.union.is_none() && self.state.pattern_about != self.state.about {
+        if self.union.is_none() && self.state.pattern != self.state.region {
             // The run that this one continues built the pattern at another place.
             self.restore_pattern(fixed, x, t, ends.is_some())?;
         }
@@ -391,8 +403,7 @@ impl LiveSum {
         if !is_contained {
             *union = Some(MatrixSum::new(&matrices)?);
             *patterns += 1;
-            state.pattern_about.clone_from(&state.about);
-            state.pattern_reach = state.reach;
+            state.pattern.clone_from(&state.region);
         }
         match union {
             Some(union) => Ok(union.combine(&parts)),
@@ -414,10 +425,10 @@ impl LiveSum {
         t: f64,
         has_ends: bool,
     ) -> Result<(), SolverError> {
-        if self.state.pattern_about.is_empty() {
+        if self.state.pattern.about.is_empty() {
             return Ok(());
         }
-        let Ok(mut near) = self.ask(&self.state.pattern_about, self.state.pattern_reach) else {
+        let Ok(mut near) = self.ask(&self.state.pattern) else {
             return Ok(());
         };
         let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, has_ends);
@@ -428,14 +439,36 @@ impl LiveSum {
     }
 
     /// Returns the largest fraction of a step that all terms allow: of the change `dx` from x, or, for terms that act
-    /// by a discrete gradient, of the change of the end of the step, (end, change).
+    /// by a discrete gradient, of the change of the end of the step, (end, change), with x in its middle.
+    ///
+    /// The first correction of a body that nothing holds yet can be many times its size. Of such a path first a short part is
+    /// examined, then one twice as long, until a term stops it: with stencils for the whole path, all pairs would be candidates.
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
-        let sum = |a: &[f64], b: &[f64]| -> Vec<f64> { a.iter().zip(b).map(|(a, b)| a + b).collect() };
-        let (from, along) = match end {
-            Some([x, dx]) => (x, dx),
-            None => (x, dx),
+        let (from, along) = end.map_or((x, dx), |[end, change]| (end, change));
+        let start: Vec<f64> = x.iter().zip(from).map(|(x, from)| 2.0 * x - from).collect();
+        let short = (FAR * self.shortest_reach()).max(distance(&start, from));
+        let length = 3.0_f64.sqrt() * vectors::max_abs(along.len(), |k| along[k]);
+        let mut part = match short / length {
+            part if part > 0.0 => part.min(1.0),
+            _ => 1.0,
         };
-        self.follow(from, Some(&sum(from, along)[..]));
+        let scaled = |part: f64, change: &[f64]| change.iter().map(|change| part * change).collect();
+        while part < 1.0 {
+            let [dx, along]: [Vec<f64>; 2] = [scaled(part, dx), scaled(part, along)];
+            let allowed = self.allowed(&start, [x, &dx], end.map(|[end, _]| [end, &along[..]]));
+            if allowed < 1.0 {
+                return part * allowed;
+            }
+            part = (2.0 * part).min(1.0);
+        }
+        self.allowed(&start, [x, dx], end)
+    }
+
+    /// Returns the fraction of a path that all terms allow, as [`LiveSum::largest_step`] describes, in a step from `start`.
+    fn allowed(&mut self, start: &[f64], [x, dx]: [&[f64]; 2], end: Option<[&[f64]; 2]>) -> f64 {
+        let (from, along) = end.map_or((x, dx), |[end, change]| (end, change));
+        let to: Vec<f64> = from.iter().zip(along).map(|(from, along)| from + along).collect();
+        self.follow(start, [from, &to]);
         let Some(near) = &self.near else { return 1.0 };
         let least = |assembler: &FixedSum, x: &[f64], dx: &[f64]| {
             let terms = assembler.terms().fixed().iter().filter(|term| term.limits_steps());
@@ -458,10 +491,4 @@ impl LiveSum {
     pub(crate) fn fault(&self, x: &[f64], t: f64) -> Option<TermFault> {
         self.fault.clone().or_else(|| self.near.as_ref()?.whole.fault(x, t))
     }
-}
-
-/// Returns a bound on the distances of nodes between two configurations, m.
-fn distance(a: &[f64], b: &[f64]) -> f64 {
-    // The distance is at most √3 times the largest change of a coordinate, for nodes in space.
-    3.0_f64.sqrt() * vectors::max_abs(a.len(), |k| a[k] - b[k])
 }

@@ -1,14 +1,15 @@
 //! Tests the laws of live terms: their stencils change, and neither the motion nor its invariants depend on that.
 
-use std::sync::Arc;
+use std::ops::Range;
 use std::sync::atomic::Ordering;
+use std::sync::{Arc, Mutex};
 
 use crate::contacts::{LiveFloor, Repulsion};
 use crate::springs::{Springs, block, fixed};
 use vi_core::constraints::{Place, QuadraticConstraint};
 use vi_core::{
-    Coordinates, EnergyLedger, Live, Potential, State, System, angular_momentum, kinetic_energy,
-    linear_momentum, reference,
+    Account, Coordinates, EnergyLedger, HessianKind, Live, Potential, State, Stencils, System, Traits,
+    angular_momentum, kinetic_energy, linear_momentum, reference,
 };
 use vi_solvers::{Method, SolverOptions, StaticOptions, equilibrium, make_tangent, stepper};
 
@@ -110,6 +111,74 @@ fn an_equilibrium_does_not_notice_that_stencils_change() {
     let start = whole.state(0.0, &x, &vec![0.0; x.len()]).unwrap();
     assert!(a.q.iter().zip(&start.q).any(|(a, b)| (a - b).abs() > 1e-3));
     assert!(a.q.iter().zip(&b.q).all(|(a, b)| (a - b).abs() < 1e-9));
+}
+
+/// A point of weight P that a spring of stiffness k hardly holds: V = P z + ½ k (z − z₀)².
+struct Weight {
+    force: f64,
+    stiffness: f64,
+    height: f64,
+}
+
+impl Potential for Weight {
+    fn name(&self) -> &str {
+        "weight"
+    }
+    fn account(&self) -> Account {
+        Account::Gravity
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: 3, nodes: &[0] }
+    }
+    fn traits(&self) -> Traits {
+        Traits { hessian: HessianKind::Constant, time_dependent: false }
+    }
+    fn energies(&self, _: Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out[0] = self.force * x[2] + 0.5 * self.stiffness * (x[2] - self.height).powi(2);
+    }
+    fn gradients(&self, _: Range<usize>, x: &[f64], _: f64, out: &mut [f64]) {
+        out.copy_from_slice(&[0.0, 0.0, self.force + self.stiffness * (x[2] - self.height)]);
+    }
+    fn hessians(&self, _: Range<usize>, _: &[f64], _: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        out[5] = self.stiffness;
+    }
+}
+
+/// A floor that records the longest reach, m, that was requested.
+struct Asked(LiveFloor, Mutex<f64>);
+
+impl Live for Asked {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+    fn reach(&self) -> f64 {
+        self.0.reach()
+    }
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        let mut longest = self.1.lock().unwrap();
+        *longest = longest.max(reach);
+        self.0.near(x, reach)
+    }
+}
+
+/// The first correction falls by a thousand kilometres. Stencils are requested only as far as the floor.
+#[test]
+fn a_far_correction_asks_for_near_stencils() {
+    let floor = Arc::new(Asked(LiveFloor { count: 1, distance: 0.1, stiffness: 1.0 }, Mutex::new(0.0)));
+    let x = [0.0, 0.0, 0.2];
+    let weight = Weight { force: 1.0, stiffness: 1e-6, height: x[2] };
+    let coordinates = Coordinates::new(3, fixed(&x, vec![0, 1])).unwrap();
+    let system = System::new(vec![1.0; 3], vec![Box::new(weight)], coordinates).unwrap();
+    let system = system.with_live(vec![Arc::clone(&floor) as Arc<dyn Live>]);
+    let mut state = system.state(0.0, &x, &[0.0; 3]).unwrap();
+    let options = StaticOptions { tolerance: 1e-12, find_critical: false, ..StaticOptions::default() };
+    equilibrium(&system, &mut state, &options).unwrap();
+    // 3 k (d − z)²/z + k (d − z)³/z² = P.
+    let z = state.q[0];
+    let force = 3.0 * (0.1 - z).powi(2) / z + (0.1 - z).powi(3) / (z * z);
+    assert!((force - 1.0).abs() < 1e-6, "{z}: {force}");
+    assert!(*floor.1.lock().unwrap() < 2.0, "{floor_reach:?}", floor_reach = floor.1);
 }
 
 /// Ordering and layout are computed once, and again only when a pair comes close that was not among the stencils
