@@ -27,7 +27,7 @@ pub trait PointLaw: Send + Sync + 'static {
     /// Returns the density of the body at rest, kg/m³.
     fn density(&self) -> f64;
     /// Returns Ψ(F), J/m³ of the body at rest. It is zero for F = I, and not finite outside its domain. The domain
-    /// must lie in det F > 0.
+    /// must lie in det F > 0. Its terms may cancel near rest: at strains below 1e-2 the work of the stress is used instead.
     fn energy(&self, f: &Mat3<f64>) -> f64;
     /// Returns the first Piola–Kirchhoff stress ∂Ψ/∂F, Pa.
     fn stress(&self, f: &Mat3<f64>) -> Mat3<f64>;
