@@ -98,17 +98,16 @@ impl LiveSum {
     /// Requests the stencils of a region.
     fn renew(&mut self, region: Region) {
         self.renewals += 1;
-        match self.ask(&region) {
+        self.tube = region.tube();
+        match self.ask(&region, self.tube.as_ref()) {
             Ok(near) => (self.near, self.fault) = (Some(near), None),
             Err(fault) => (self.near, self.fault) = (None, Some(fault)),
         }
-        self.tube = region.tube();
         self.state.region = region;
     }
 
-    fn ask(&self, region: &Region) -> Result<Near, TermFault> {
-        let tube = region.tube();
-        let potential = |term: &Arc<dyn Live>| match &tube {
+    fn ask(&self, region: &Region, tube: Option<&Tube>) -> Result<Near, TermFault> {
+        let potential = |term: &Arc<dyn Live>| match tube {
             Some(tube) => term.within(tube),
             None => term.near(&region.about, region.reach.max(term.reach())),
         };
@@ -428,7 +427,7 @@ impl LiveSum {
         if self.state.pattern.about.is_empty() {
             return Ok(());
         }
-        let Ok(mut near) = self.ask(&self.state.pattern) else {
+        let Ok(mut near) = self.ask(&self.state.pattern, self.state.pattern.tube().as_ref()) else {
             return Ok(());
         };
         let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, has_ends);

@@ -178,7 +178,7 @@ fn a_far_correction_asks_for_near_stencils() {
     let z = state.q[0];
     let force = 3.0 * (0.1 - z).powi(2) / z + (0.1 - z).powi(3) / (z * z);
     assert!((force - 1.0).abs() < 1e-6, "{z}: {force}");
-    assert!(*floor.1.lock().unwrap() < 2.0, "{floor_reach:?}", floor_reach = floor.1);
+    assert!(*floor.1.lock().unwrap() < 2.0, "{:?}", floor.1);
 }
 
 /// Ordering and layout are computed once, and again only when a pair comes close that was not among the stencils

@@ -199,7 +199,7 @@ impl Material for Formula {
 
     fn inside(&self, f: &Mat3<f64>) -> Result<(), Outside> {
         positive_determinant(f)?;
-        let value = Material::energy(self, f);
+        let value = self.sum(f);
         let (quantity, domain) = ("energy density of the formula", "must be finite");
         if value.is_finite() { Ok(()) } else { Err(Outside { quantity, value, domain, excess: 0.0 }) }
     }
