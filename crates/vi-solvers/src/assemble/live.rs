@@ -445,7 +445,7 @@ impl LiveSum {
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
         let (from, along) = end.map_or((x, dx), |[end, change]| (end, change));
         let start: Vec<f64> = x.iter().zip(from).map(|(x, from)| 2.0 * x - from).collect();
-        let short = (FAR * self.shortest_reach()).max(distance(&start, from));
+        let short = (2.0 * FAR * self.shortest_reach()).max(distance(&start, from));
         let length = 3.0_f64.sqrt() * vectors::max_abs(along.len(), |k| along[k]);
         let mut part = match short / length {
             part if part > 0.0 => part.min(1.0),
