@@ -81,9 +81,6 @@ fn a_narrowed_list_limits_the_same_nodes() {
     assert_eq!(found, expected);
 }
 
-/// Without those of directions, tangents neglect the rotation of normals and the motion of the closest points, which are of
-/// the order of the gap and of the slip divided by the size of triangles. With them, the error is of the order of the product of
-/// both, 2e-3 here.
 /// The upper sheet falls by more than the gap. A pair is limited where half of its gap is left, and only if less than a quarter
 /// would be left.
 #[test]
@@ -105,6 +102,9 @@ fn a_limited_motion_leaves_a_part_of_each_gap() {
     assert!((least(0.51) - part).abs() < 0.05);
 }
 
+/// Without those of directions, tangents neglect the rotation of normals and the motion of the closest points, which are of
+/// the order of the gap and of the slip divided by the size of triangles. With them, the error is of the order of the product of
+/// both, 2e-3 here.
 #[test]
 fn tangents_are_those_of_the_forces_while_friction_slides() {
     for (friction, turns, tolerance) in

@@ -69,6 +69,19 @@ impl Covectors {
     }
 }
 
+/// Number of evaluations for which a pair sticks after its direction of sliding reversed. A cloth of 5043 equations that falls on
+/// a ball takes 2508, 1747 and 1734 iterations for 70 steps with 1, 2 and 3.
+const HELD: u8 = 2;
+
+/// How a pair beyond its cone moves at an evaluation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Motion {
+    /// It slides in this direction.
+    Slides([f64; 3]),
+    /// It is taken to stick, and so at this number of evaluations more.
+    Held { more: u8 },
+}
+
 /// The forces that act over a step and their tangents, pair by pair. They need little memory if most stencils do not act.
 /// Covectors are lists of nodes, each with three numbers.
 #[derive(Debug, Clone, PartialEq)]
@@ -81,10 +94,10 @@ pub struct Acting {
     pub turns: bool,
     gradients: Covectors,
     tangents: Covectors,
-    /// The directions in which pairs slide, by the number of the pair: at this evaluation and, in ascending order, at
-    /// the last one.
-    slides: Vec<(u64, [f64; 3])>,
-    slid: Arc<[(u64, [f64; 3])]>,
+    /// How pairs beyond their cones move, by the number of the pair: at this evaluation and, in ascending order, at the
+    /// last one.
+    motions: Vec<(u64, Motion)>,
+    last_motions: Arc<[(u64, Motion)]>,
     reversals: usize,
     has_friction: bool,
 }
@@ -96,8 +109,8 @@ impl Default for Acting {
             turns: false,
             gradients: Covectors::default(),
             tangents: Covectors::default(),
-            slides: Vec::new(),
-            slid: Arc::default(),
+            motions: Vec::new(),
+            last_motions: Arc::default(),
             reversals: 0,
             has_friction: false,
         }
@@ -105,12 +118,12 @@ impl Default for Acting {
 }
 
 impl Acting {
-    /// Removes all forces and tangents, and keeps the directions of sliding for [`Acting::reverses`], and whether friction acted.
+    /// Removes all forces and tangents, and keeps the motions of pairs for [`Acting::reverses`], and whether friction acted.
     pub fn clear(&mut self) {
         self.gradients.clear();
         self.tangents.clear();
-        self.slides.sort_unstable_by_key(|(pair, _)| *pair);
-        self.slid = std::mem::take(&mut self.slides).into();
+        self.motions.sort_unstable_by_key(|(pair, _)| *pair);
+        self.last_motions = std::mem::take(&mut self.motions).into();
         self.reversals = 0;
     }
 
@@ -122,24 +135,34 @@ impl Acting {
     /// Returns an empty list for some of the pairs; [`Acting::append`] adds it to this one.
     #[must_use]
     pub fn part(&self) -> Self {
-        Self { stiffness: self.stiffness, turns: self.turns, slid: Arc::clone(&self.slid), ..Self::default() }
+        Self {
+            stiffness: self.stiffness,
+            turns: self.turns,
+            last_motions: Arc::clone(&self.last_motions),
+            ..Self::default()
+        }
     }
 
-    /// Returns whether a pair that slides in the direction `traction` slid in the opposite direction at the last
-    /// evaluation. Newton's method may alternate between both; then the pair should be listed as sticking once.
-    /// Otherwise, this function records the direction.
+    /// Returns whether a pair beyond its cone, with the traction `traction` (N), should be listed as sticking: for [`HELD`]
+    /// evaluations from the one at which the direction of sliding is opposite to that at the evaluation before. Otherwise, this
+    /// function records the direction.
+    ///
+    /// Newton's method may alternate between both directions. One iteration of a pair that sticks ends near the range of slip in
+    /// which it sticks, but this range is so narrow that errors of second order lead beyond it. Then the next iteration, of a
+    /// pair that slides, would lead far away again.
     pub fn reverses(&mut self, pair: u64, traction: [f64; 3]) -> bool {
-        let last = self.slid.binary_search_by_key(&pair, |(pair, _)| *pair);
-        let is_opposite = last.is_ok_and(|place| {
-            let (_, last) = self.slid[place];
-            last.iter().zip(traction).map(|(a, b)| a * b).sum::<f64>() < 0.0
-        });
-        if is_opposite {
-            self.reversals += 1;
-        } else {
-            self.slides.push((pair, traction));
-        }
-        is_opposite
+        let last = self.last_motions.binary_search_by_key(&pair, |(pair, _)| *pair);
+        let motion = match last.map(|place| self.last_motions[place].1) {
+            Ok(Motion::Slides(last)) if last.iter().zip(traction).map(|(a, b)| a * b).sum::<f64>() < 0.0 => {
+                Motion::Held { more: HELD - 1 }
+            }
+            Ok(Motion::Held { more }) if more > 0 => Motion::Held { more: more - 1 },
+            _ => Motion::Slides(traction),
+        };
+        self.motions.push((pair, motion));
+        let is_held = matches!(motion, Motion::Held { .. });
+        self.reversals += usize::from(is_held);
+        is_held
     }
 
     /// Returns the number of pairs that are listed as sticking because their direction of sliding reversed.
@@ -178,7 +201,7 @@ impl Acting {
     pub fn append(&mut self, other: &Self) {
         self.gradients.append(&other.gradients);
         self.tangents.append(&other.tangents);
-        self.slides.extend_from_slice(&other.slides);
+        self.motions.extend_from_slice(&other.motions);
         self.reversals += other.reversals;
         self.has_friction |= other.has_friction;
     }
@@ -229,4 +252,29 @@ pub struct Impulse {
     pub between: [u32; 2],
     /// The impulse, N s.
     pub value: [f64; 3],
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pair that reverses sticks for two evaluations, and may then slide in any direction. One that turns by less than a right
+    /// angle, or that stuck in between by itself, slides on.
+    #[test]
+    fn a_pair_that_reverses_is_held_for_two_evaluations() {
+        let mut acting = Acting::default();
+        let mut at = |traction: Option<[f64; 3]>| {
+            acting.clear();
+            let mut part = acting.part();
+            let is_held = traction.is_some_and(|traction| part.reverses(7, traction));
+            acting.append(&part);
+            assert_eq!(acting.reversals(), usize::from(is_held));
+            is_held
+        };
+        let [ahead, aside, back] = [[1.0, 0.0, 0.0], [0.1, 1.0, 0.0], [-1.0, 0.1, 0.0]];
+        let found = [ahead, aside, ahead, back, back, back, ahead].map(|traction| at(Some(traction)));
+        assert_eq!(found, [false, false, false, true, true, false, true]);
+        assert!(!at(None));
+        assert!(!at(Some(back)));
+    }
 }

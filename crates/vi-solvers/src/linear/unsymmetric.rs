@@ -19,8 +19,17 @@ pub(crate) struct Unsymmetric {
     columns: Vec<Column>,
     /// The last pattern that was factored. Its elimination order serves all matrices with the same pattern.
     pattern: Option<Pattern>,
+    /// The scaled matrix of the last factors, if there are any.
+    scaled: Option<Scaled>,
     /// The last factors, whose memory the next ones take.
     numeric: NumericLu<u32, f64>,
+}
+
+/// The entries of a matrix in the order of its pattern, after rows and columns were multiplied by factors.
+struct Scaled {
+    rows: Vec<f64>,
+    columns: Vec<f64>,
+    values: Vec<f64>,
 }
 
 /// The places of the entries that are not zero, by columns, with their elimination order.
@@ -93,14 +102,28 @@ impl Unsymmetric {
         }
     }
 
-    /// Replaces b by the solution of A x = b.
+    /// Factors the matrix for [`Unsymmetric::solve`].
     ///
     /// # Errors
     /// Returns [`SolverError::Singular`] if the matrix is singular or not finite.
-    pub(crate) fn solve(&mut self, b: &mut [f64]) -> Result<(), SolverError> {
+    pub(crate) fn factor(&mut self) -> Result<(), SolverError> {
+        self.scaled = None;
         let [rows, columns] = self.scales()?;
-        let factored = self.factor(&rows, &columns)?;
-        let mut rest: Vec<f64> = b.iter().zip(&rows).map(|(b, scale)| b * scale).collect();
+        let values = self.factor_scaled(&rows, &columns)?;
+        self.scaled = Some(Scaled { rows, columns, values });
+        Ok(())
+    }
+
+    /// Replaces b by the solution of A x = b with the matrix A that was factored last.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Singular`] if there are no factors, or if the solution is not finite.
+    pub(crate) fn solve(&self, b: &mut [f64]) -> Result<(), SolverError> {
+        let (Some(pattern), Some(scaled)) = (&self.pattern, &self.scaled) else {
+            return Err(SolverError::Singular { rows: b.len() });
+        };
+        let factored = Factored { pattern, values: &scaled.values, numeric: &self.numeric };
+        let mut rest: Vec<f64> = b.iter().zip(&scaled.rows).map(|(b, scale)| b * scale).collect();
         b.fill(0.0);
         for refinement in 0..=REFINEMENTS {
             let mut change = rest.clone();
@@ -110,7 +133,7 @@ impl Unsymmetric {
                 factored.subtract_product(&change, &mut rest);
             }
         }
-        b.iter_mut().zip(&columns).for_each(|(x, scale)| *x *= scale);
+        b.iter_mut().zip(&scaled.columns).for_each(|(x, scale)| *x *= scale);
         Ok(())
     }
 
@@ -138,8 +161,8 @@ impl Unsymmetric {
         Ok([rows, columns])
     }
 
-    /// Returns the factors of the scaled matrix.
-    fn factor(&mut self, scales: &[f64], of_columns: &[f64]) -> Result<Factored<'_>, SolverError> {
+    /// Factors the scaled matrix; returns its entries.
+    fn factor_scaled(&mut self, of_rows: &[f64], of_columns: &[f64]) -> Result<Vec<f64>, SolverError> {
         let size = self.columns.len();
         let fault = || SolverError::Singular { rows: size };
         let (mut starts, mut rows, mut values) = (vec![0_u32], Vec::new(), Vec::new());
@@ -147,7 +170,7 @@ impl Unsymmetric {
             let entries = column.rows.iter().zip(&column.values);
             for (&row, &value) in entries.filter(|(_, value)| **value != 0.0) {
                 rows.push(row);
-                values.push(value * (scales[row as usize] * scale));
+                values.push(value * (of_rows[row as usize] * scale));
             }
             starts.push(rows.len() as u32);
         }
@@ -165,7 +188,7 @@ impl Unsymmetric {
             .symbolic
             .factorize_numeric_lu(numeric, matrix, Par::Seq, stack, Default::default())
             .map_err(|_| fault())?;
-        Ok(Factored { pattern, values, numeric })
+        Ok(values)
     }
 }
 
@@ -191,7 +214,7 @@ fn larger(size: f64, value: f64) -> f64 {
 /// A matrix by columns, with its factors.
 struct Factored<'a> {
     pattern: &'a Pattern,
-    values: Vec<f64>,
+    values: &'a [f64],
     numeric: &'a NumericLu<u32, f64>,
 }
 
@@ -249,6 +272,7 @@ mod tests {
                 b[i as usize] += value * x[j as usize];
             }
         }
+        matrix.factor().unwrap();
         matrix.solve(&mut b).unwrap();
         let error = (0..size).map(|k| (b[k as usize] - x[k as usize]).abs() * unit(k)).fold(0.0, f64::max);
         assert!(error < 1e-12, "{error:e}");
@@ -273,6 +297,7 @@ mod tests {
             let x: Vec<f64> = (0..size).map(|k| f64::from(k + round).cos()).collect();
             let product = |row: &Vec<f64>| row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>();
             let mut b: Vec<f64> = rows.iter().map(product).collect();
+            matrix.factor().unwrap();
             matrix.solve(&mut b).unwrap();
             let error = b.iter().zip(&x).map(|(b, x)| (b - x).abs()).fold(0.0, f64::max);
             assert!(error < 1e-13, "{round}: {error:e}");
@@ -284,6 +309,7 @@ mod tests {
         let mut matrix = Unsymmetric::default();
         matrix.clear(2);
         matrix.add(0, 0, 1.0);
+        assert!(matrix.factor().is_err());
         assert!(matrix.solve(&mut [1.0, 1.0]).is_err());
     }
 }

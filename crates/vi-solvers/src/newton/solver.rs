@@ -29,7 +29,7 @@ pub(crate) struct Newton {
     pub(super) tolerance: f64,
     pub(super) max_iterations: u32,
     pub(super) renewal: Renewal,
-    anderson: Anderson,
+    pub(super) anderson: Anderson,
     pub(crate) budget: Budget,
 }
 

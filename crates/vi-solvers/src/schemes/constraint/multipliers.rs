@@ -168,9 +168,10 @@ impl Multipliers {
     }
 
     /// Completes the matrix J of M w + c ∂V/∂q to that of the equations with the multipliers c Δℓ as further unknowns,
-    /// [J + c Σ ℓ ∂N/∂q, Nᵀ; G₁, 0], and appends −g/2 to the right side.
-    pub(crate) fn complete(&self, c: f64, matrix: &mut Unsymmetric, rhs: &mut Vec<f64>) {
-        let first = rhs.len() as u32;
+    /// [J + c Σ ℓ ∂N/∂q, Nᵀ; G₁, 0]; `first` is the number of coordinates. The right side is continued by
+    /// [`Multipliers::complete_rhs`].
+    pub(crate) fn complete(&self, c: f64, matrix: &mut Unsymmetric, first: usize) {
+        let first = first as u32;
         self.manifold
             .for_each_direction(|free, multiplier, value| matrix.add(free, first + multiplier, value));
         if self.directions == MultiplierDirections::Middle {
@@ -179,6 +180,10 @@ impl Multipliers {
         for (multiplier, row) in self.rows.iter().enumerate() {
             row.iter().for_each(|&(free, value)| matrix.add(first + multiplier as u32, free, value));
         }
+    }
+
+    /// Appends −g/2 to the right side of the equations of [`Multipliers::complete`].
+    pub(crate) fn complete_rhs(&self, rhs: &mut Vec<f64>) {
         rhs.extend(self.defect.iter().map(|defect| -0.5 * defect));
     }
 

@@ -129,10 +129,10 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         (!is_shared).then_some(self.stage.w.len() + multipliers)
     }
 
-    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError> {
+    fn factor_completely(&mut self, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         let size = self.complete_size().unwrap_or(0);
-        let Stage { c, w, base, correction, residual, multipliers, complete: matrix, .. } = &mut *self.stage;
-        let (c, count) = (*c, w.len());
+        let Stage { c, w, multipliers, complete: matrix, .. } = &mut *self.stage;
+        let c = *c;
         matrix.clear(size);
         match self.inertia.matrix() {
             Some(mass) => matrix.add_symmetric(1.0, mass),
@@ -145,13 +145,22 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         if let Some(pairs) = evaluator.pairs() {
             pairs.add_to(END_PER_STAGE * c, matrix);
         }
-        let mut rhs = residual.clone();
         if let Some(multipliers) = multipliers {
-            multipliers.complete(c, matrix, &mut rhs);
+            multipliers.complete(c, matrix, w.len());
         }
-        matrix.solve(&mut rhs)?;
         evaluator.work.factorizations += 1;
         evaluator.work.factorizations_newton += 1;
+        matrix.factor()
+    }
+
+    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError> {
+        let Stage { c, w, base, correction, residual, multipliers, complete: matrix, .. } = &mut *self.stage;
+        let (c, count) = (*c, w.len());
+        let mut rhs = residual.clone();
+        if let Some(multipliers) = multipliers {
+            multipliers.complete_rhs(&mut rhs);
+        }
+        matrix.solve(&mut rhs)?;
         evaluator.work.solves += 1;
         base.copy_from_slice(w);
         correction.copy_from_slice(&rhs[..count]);
