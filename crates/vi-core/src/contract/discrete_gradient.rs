@@ -143,7 +143,7 @@ impl Acting {
         }
     }
 
-    /// Returns whether a pair beyond its cone, with the traction `traction` (N), should be listed as sticking: for [`HELD`]
+    /// Returns whether a pair beyond its cone, with the traction `traction` (N), should be listed as sticking: for two
     /// evaluations from the one at which the direction of sliding is opposite to that at the evaluation before. Otherwise, this
     /// function records the direction.
     ///
