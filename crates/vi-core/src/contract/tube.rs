@@ -34,14 +34,19 @@ impl Tube {
 
     /// Returns the τ for which the squares of the distances of all nodes from the path have the least sum.
     pub fn nearest(&self, x: &[f64]) -> f64 {
-        // Several sums, so that the compiler can use vector instructions.
+        // Several sums over chunks of fixed length, so that the compiler can use vector instructions.
         let (mut along, mut length) = ([0.0; 12], [0.0; 12]);
-        let path = self.start.chunks(12).zip(self.motion.chunks(12));
-        for (x, (start, motion)) in x.chunks(12).zip(path) {
-            for k in 0..x.len() {
+        let [(x, x_rest), (start, start_rest), (motion, motion_rest)] =
+            [x, &self.start, &self.motion].map(|values| values.as_chunks::<12>());
+        for (x, (start, motion)) in x.iter().zip(start.iter().zip(motion)) {
+            for k in 0..12 {
                 along[k] += (x[k] - start[k]) * motion[k];
                 length[k] += motion[k] * motion[k];
             }
+        }
+        for (k, (x, (start, motion))) in x_rest.iter().zip(start_rest.iter().zip(motion_rest)).enumerate() {
+            along[k] += (x - start) * motion;
+            length[k] += motion * motion;
         }
         let (along, length) = (along.iter().sum::<f64>(), length.iter().sum::<f64>());
         if along > 0.0 && length > 0.0 { (along / length).min(1.0) } else { 0.0 }
@@ -50,9 +55,11 @@ impl Tube {
     /// Returns the square of the distance of each node from the path at the best τ for x, m².
     fn squares<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         let tau = self.nearest(x);
-        let path = self.start.chunks_exact(3).zip(self.motion.chunks_exact(3));
-        x.chunks_exact(3).zip(path).map(move |(x, (start, motion))| {
-            square(&[0, 1, 2].map(|k: usize| x[k] - start[k] - tau * motion[k]))
+        let [x, start, motion] = [x, &self.start, &self.motion].map(|values| values.as_chunks::<3>().0);
+        x.iter().zip(start.iter().zip(motion)).map(move |(x, (start, motion))| {
+            let [a, b, c] = [x[0] - start[0], x[1] - start[1], x[2] - start[2]];
+            let [a, b, c] = [a - tau * motion[0], b - tau * motion[1], c - tau * motion[2]];
+            a * a + b * b + c * c
         })
     }
 
