@@ -11,7 +11,7 @@ pub(crate) use search::Search;
 
 use rayon::prelude::*;
 
-use crate::distance::at;
+use crate::distance::{Vec3, at};
 use crate::surface::Surface;
 use tree::{Bounds, Tree};
 
@@ -22,12 +22,12 @@ pub(crate) fn nearest_own_cells(surface: &Surface) -> Vec<f64> {
     if !bodies.iter().any(|body| body.meets_itself) {
         return vec![f64::INFINITY; surface.points.len()];
     }
-    let cells: Vec<u32> = (0..surface.cells.len() as u32)
-        .filter(|&cell| bodies[surface.cells[cell as usize].body as usize].meets_itself)
-        .collect();
+    let meets_itself = |cell: &u32| bodies[surface.cells[*cell as usize].body as usize].meets_itself;
+    let cells: Vec<u32> = surface.orders.cells.iter().copied().filter(meets_itself).collect();
     let bounds: Vec<Bounds> =
         cells.iter().map(|&cell| Bounds::of(surface.cells[cell as usize].nodes(), &surface.rest)).collect();
-    let tree = Tree::new(&bounds);
+    let order: Vec<u32> = (0..cells.len() as u32).collect();
+    let tree = Tree::new(&bounds, &order, Vec3::zeros());
     let nearest = |point: usize| {
         let owner = surface.points[point].body;
         let body = bodies[owner as usize];

@@ -159,7 +159,6 @@ impl ContactPotential {
     }
 
     fn on(surface: Arc<Surface>, neighbours: Arc<Neighbours>) -> Self {
-        let contact = Contact { surface: &surface, neighbours: &neighbours };
         let mut nodes = Vec::with_capacity(4 * neighbours.count());
         for &point in neighbours.near() {
             let (point, part) = (point as usize, &surface.points()[point as usize]);
@@ -168,7 +167,7 @@ impl ContactPotential {
                 nodes.extend(surface.cells()[cell as usize].nodes);
             }
         }
-        nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| contact.edge_nodes(pair.edges)));
+        nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| pair.nodes));
         for &[point, plane] in neighbours.plane_pairs() {
             let face = &surface.half_spaces()[plane as usize];
             nodes.extend(face.nodes_with(surface.points()[point as usize].node));

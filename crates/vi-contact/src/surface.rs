@@ -9,6 +9,7 @@
 mod build;
 mod half_space;
 mod law;
+mod order;
 mod topology;
 
 pub use build::SurfaceBuilder;
@@ -118,6 +119,14 @@ impl Gauge {
     }
 }
 
+/// The parts of surfaces in an order in which neighbours follow each other.
+#[derive(Debug, Clone)]
+pub(crate) struct Orders {
+    pub(crate) points: Vec<u32>,
+    pub(crate) cells: Vec<u32>,
+    pub(crate) edges: Vec<u32>,
+}
+
 /// Surfaces, and the rules that decide which of their parts form pairs.
 #[derive(Debug, Clone)]
 pub struct Surface {
@@ -137,10 +146,15 @@ pub struct Surface {
     pub(crate) stitches: BTreeSet<[u32; 2]>,
     /// Thickness and activation distance of each point against its own body.
     pub(crate) own: Vec<[f64; 2]>,
+    /// The order of points, cells and edges in trees of boxes.
+    pub(crate) orders: Orders,
 }
 
 /// The group of nodes that move by themselves.
 pub(crate) const LOOSE: u32 = 0;
+
+/// The number of the group of the first body that does not meet itself, and whose nodes do not move as one.
+const LAST_GROUP: u32 = u32::MAX - 1;
 
 /// If two places of a body are closer than this fraction of d̂ at rest, they are the same place (a seam, a doubled
 /// node) and form no pair.
@@ -218,6 +232,16 @@ impl Surface {
         let group = self.held[nodes[0] as usize];
         let is_one = group != LOOSE && nodes[1..].iter().all(|&node| self.held[node as usize] == group);
         if is_one { group } else { LOOSE }
+    }
+
+    /// Returns a group to which nodes of a body belong, none of whose parts form a pair with each other, or [`LOOSE`]: the nodes
+    /// move as one, or the body does not meet itself.
+    pub(crate) fn group_without_pairs(&self, nodes: &[u32], body: u32) -> u32 {
+        let meets_itself = || self.law(body, body).is_some();
+        match self.group_of(nodes) {
+            LOOSE if !meets_itself() => LAST_GROUP - body,
+            group => group,
+        }
     }
 
     /// Returns whether these nodes move as one rigid body, so that distances between them never change.

@@ -13,6 +13,8 @@ use crate::surface::{Cell, Gauge, Surface};
 pub struct EdgePair {
     /// Numbers of the edges, the lower first.
     pub edges: [u32; 2],
+    /// Nodes of both edges.
+    pub(crate) nodes: [u32; 4],
     /// Constants of the pair.
     pub gauge: Gauge,
     /// The distance from which on the pair exerts no force, m: for flat edges, less than the thickness plus d̂.
@@ -32,7 +34,11 @@ impl Apart {
     /// the known positions to x, m².
     #[inline]
     fn largest_change(&self, x: &[f64], nodes: [u32; 4], first: usize) -> f64 {
-        let motion = nodes.map(|node| at(x, node) - at(&self.x, node));
+        // A loop, because a closure over several nodes becomes a call.
+        let mut motion = [Vec3::zeros(); 4];
+        for a in 0..4 {
+            motion[a] = at(x, nodes[a]) - at(&self.x, nodes[a]);
+        }
         let mut largest = 0.0_f64;
         for i in 0..first {
             for j in first..4 {
@@ -120,13 +126,12 @@ impl Neighbours {
             distance.is_some()
         });
         let edges = self.edges.iter().enumerate().filter(|(number, pair)| {
-            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
             // Observers, who ask for a list that knows its tube, want all pairs nearer than d̂.
             let reach = if known.is_some() { pair.gauge.reach() } else { pair.reach };
-            if !may_come([i, j, k, l], 2, before.map(|before| &before.edges[*number]), reach) {
+            if !may_come(pair.nodes, 2, before.map(|before| &before.edges[*number]), reach) {
                 return false;
             }
-            let distance = margins.distance_if_nearer(Shape::EdgeEdge, [i, j, k, l], reach);
+            let distance = margins.distance_if_nearer(Shape::EdgeEdge, pair.nodes, reach);
             apart.edges.extend(distance);
             distance.is_some()
         });
@@ -158,10 +163,10 @@ impl Neighbours {
             let [a, b, c] = cell.nodes;
             may_come([node, a, b, c], 1, apart.cells[number], distance(&gauge))
         });
-        let edges = self.edges.iter().zip(&apart.edges).filter(|(pair, known)| {
-            let [[i, j], [k, l]] = pair.edges.map(|edge| surface.edges[edge as usize].nodes);
-            may_come([i, j, k, l], 2, **known, distance(&pair.gauge).min(pair.reach))
-        });
+        let edges =
+            self.edges.iter().zip(&apart.edges).filter(|(pair, known)| {
+                may_come(pair.nodes, 2, **known, distance(&pair.gauge).min(pair.reach))
+            });
         let edges = edges.map(|(pair, _)| *pair).collect();
         Cow::Owned(Self::new(starts, cells, edges, self.planes.clone()))
     }

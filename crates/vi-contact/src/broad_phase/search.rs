@@ -9,7 +9,7 @@ use vi_core::Tube;
 use super::margins::{Common, Margins};
 use super::neighbours::{Apart, EdgePair, Neighbours};
 use super::tree::{Bounds, Tree};
-use crate::distance::Shape;
+use crate::distance::{Shape, Vec3, at};
 use crate::surface::{Edge, Surface};
 
 /// Largest fraction of the nodes of a surface whose pairs are searched again without building new trees.
@@ -47,7 +47,11 @@ impl Search {
         let cells = surface.cells.par_iter().map(|cell| margins.bounds(surface, cell.nodes(), cell.body));
         let edges = surface.edges.par_iter().map(|edge| margins.bounds(surface, &edge.nodes, edge.body));
         let [points, cells, edges]: [Vec<Bounds>; 3] = [points.collect(), cells.collect(), edges.collect()];
-        let [points, cells, edges] = [points, cells, edges].map(|bounds| Tree::new(&bounds));
+        let orders = &surface.orders;
+        let origin = surface.points.first().map_or(Vec3::zeros(), |point| at(margins.middle(), point.node));
+        let points = Tree::new(&points, &orders.points, origin);
+        let cells = Tree::new(&cells, &orders.cells, origin);
+        let edges = Tree::new(&edges, &orders.edges, origin);
         let near_cells = near_cells(surface, &margins, &points, &cells);
         let near_edges = near_edges(surface, &margins, &edges);
         let common = margins.common();
@@ -234,7 +238,7 @@ fn near_edge(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Optio
     }
     let gauge = surface.edge_gauge(first, second)?;
     approach.is_nearer(gauge.reach()).then(|| NearEdges {
-        pair: EdgePair { edges, gauge, reach: surface.edge_reach(edges, &gauge) },
+        pair: EdgePair { edges, nodes: [a, b, c, d], gauge, reach: surface.edge_reach(edges, &gauge) },
         distance: approach.distance(),
     })
 }

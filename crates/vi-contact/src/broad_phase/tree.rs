@@ -1,46 +1,46 @@
-//! A binary tree of boxes over items in Morton order (Morton 1966), stored as a heap: the children of box i are 2i
-//! and 2i + 1, and each leaf holds a few items. The tree affects how fast items are found, but never which ones.
+//! A binary tree of boxes over items in a given order, stored as a heap: the children of box i are 2i and 2i + 1, and each leaf
+//! holds a few items. The order affects how fast items are found, but never which ones.
+//!
+//! The boxes in the tree are relative to an origin and rounded outwards to single precision, which halves their size. Both
+//! roundings are monotonic, so no overlap is lost.
 
-use std::ops::Range;
-
-use crate::distance::at;
+use crate::distance::{Vec3, at};
 use crate::surface::LOOSE;
 
 /// An axis-aligned box around parts of surfaces.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bounds {
-    pub(crate) min: [f64; 3],
-    pub(crate) max: [f64; 3],
-    /// The group of nodes that move as one, if all nodes in the box belong to the same; otherwise [`LOOSE`].
-    held: u32,
+    min: [f64; 3],
+    max: [f64; 3],
+    /// The group of nodes whose parts form no pair with each other, if all nodes in the box belong to the same; otherwise [`LOOSE`].
+    group: u32,
 }
-
-/// The group of an empty box.
-const NO_NODES: u32 = u32::MAX;
 
 impl Bounds {
     pub(crate) const EMPTY: Self =
-        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], held: NO_NODES };
+        Self { min: [f64::INFINITY; 3], max: [f64::NEG_INFINITY; 3], group: LOOSE };
 
-    /// Returns the box around nodes, as if each of them moved by itself.
+    /// Returns the box around nodes, which form pairs with all others.
     #[inline]
     pub(crate) fn of(nodes: &[u32], x: &[f64]) -> Self {
         let mut bounds = Self::EMPTY;
-        for &node in nodes {
-            let x = at(x, node);
-            for k in 0..3 {
-                bounds.min[k] = bounds.min[k].min(x[k]);
-                bounds.max[k] = bounds.max[k].max(x[k]);
-            }
-        }
-        bounds.held = LOOSE;
+        nodes.iter().for_each(|&node| bounds.surround(at(x, node), Vec3::zeros()));
         bounds
     }
 
-    /// Returns the box for nodes of a group that moves as one, or [`LOOSE`] ones.
+    /// Makes the box contain all points within `by` of x along each axis.
     #[inline]
-    pub(crate) fn of_group(self, held: u32) -> Self {
-        Self { held, ..self }
+    pub(crate) fn surround(&mut self, x: Vec3, by: Vec3) {
+        for k in 0..3 {
+            self.min[k] = self.min[k].min(x[k] - by[k]);
+            self.max[k] = self.max[k].max(x[k] + by[k]);
+        }
+    }
+
+    /// Returns the box for nodes of a group whose parts form no pair with each other, or [`LOOSE`] ones.
+    #[inline]
+    pub(crate) fn of_group(self, group: u32) -> Self {
+        Self { group, ..self }
     }
 
     #[inline]
@@ -52,22 +52,50 @@ impl Bounds {
         self
     }
 
+    /// Returns the box relative to an origin, rounded outwards.
     #[inline]
-    pub(crate) fn join(&mut self, other: &Self) {
+    fn rounded(&self, origin: &Vec3) -> Rounded {
+        let mut rounded = Rounded { group: self.group, ..Rounded::EMPTY };
+        for k in 0..3 {
+            let (min, max) = (self.min[k] - origin[k], self.max[k] - origin[k]);
+            let (low, high) = (min as f32, max as f32);
+            rounded.min[k] = if f64::from(low) > min { low.next_down() } else { low };
+            rounded.max[k] = if f64::from(high) < max { high.next_up() } else { high };
+        }
+        rounded
+    }
+}
+
+/// A box in the tree.
+#[derive(Debug, Clone, Copy)]
+struct Rounded {
+    min: [f32; 3],
+    max: [f32; 3],
+    group: u32,
+}
+
+/// The group of an empty box.
+const NO_NODES: u32 = u32::MAX;
+
+impl Rounded {
+    const EMPTY: Self = Self { min: [f32::INFINITY; 3], max: [f32::NEG_INFINITY; 3], group: NO_NODES };
+
+    #[inline]
+    fn join(&mut self, other: &Self) {
         for k in 0..3 {
             self.min[k] = self.min[k].min(other.min[k]);
             self.max[k] = self.max[k].max(other.max[k]);
         }
-        self.held = match (self.held, other.held) {
-            (NO_NODES, held) | (held, NO_NODES) => held,
+        self.group = match (self.group, other.group) {
+            (NO_NODES, group) | (group, NO_NODES) => group,
             (one, other) if one == other => one,
             _ => LOOSE,
         };
     }
 
-    /// Returns whether the boxes overlap and do not move as one. Parts that move as one form no pair.
+    /// Returns whether the boxes overlap and are not of the same group.
     #[inline]
-    pub(crate) fn meets(&self, other: &Self) -> bool {
+    fn meets(&self, other: &Self) -> bool {
         // Compare all axes without a branch.
         (self.min[0] <= other.max[0])
             & (other.min[0] <= self.max[0])
@@ -75,75 +103,150 @@ impl Bounds {
             & (other.min[1] <= self.max[1])
             & (self.min[2] <= other.max[2])
             & (other.min[2] <= self.max[2])
-            & ((self.held != other.held) | (self.held == LOOSE))
+            & ((self.group != other.group) | (self.group == LOOSE))
     }
 }
 
-/// Number of items per leaf. Of 2, 4 and 8, 4 was the fastest for a rebuild of two folded sheets of 80 000 triangles.
-const LEAF: usize = 4;
+/// Number of items per leaf, whose boxes are compared at once.
+const LEAF: usize = 8;
 
 /// Number of the first box at the depth where a search of pairs is divided among threads.
 const FRONT: u32 = 64;
 
+/// The boxes of the items of a leaf, side by side, so that the compiler compares them with vector instructions.
+#[derive(Debug, Clone, Copy)]
+struct Leaf {
+    min: [[f32; LEAF]; 3],
+    max: [[f32; LEAF]; 3],
+    group: [u32; LEAF],
+}
+
+impl Leaf {
+    const EMPTY: Self = Self {
+        min: [[f32::INFINITY; LEAF]; 3],
+        max: [[f32::NEG_INFINITY; LEAF]; 3],
+        group: [NO_NODES; LEAF],
+    };
+
+    #[inline]
+    fn set(&mut self, item: usize, bounds: &Rounded) {
+        for axis in 0..3 {
+            self.min[axis][item] = bounds.min[axis];
+            self.max[axis][item] = bounds.max[axis];
+        }
+        self.group[item] = bounds.group;
+    }
+
+    #[inline]
+    fn get(&self, item: usize) -> Rounded {
+        let [mut min, mut max] = [[0.0; 3]; 2];
+        for axis in 0..3 {
+            min[axis] = self.min[axis][item];
+            max[axis] = self.max[axis][item];
+        }
+        Rounded { min, max, group: self.group[item] }
+    }
+
+    /// Returns the box around all items.
+    fn joined(&self) -> Rounded {
+        let mut joined = Rounded::EMPTY;
+        (0..LEAF).for_each(|item| joined.join(&self.get(item)));
+        joined
+    }
+
+    /// Returns the items whose boxes overlap another one, a bit for each.
+    #[inline]
+    fn overlapping(&self, other: &Rounded) -> u32 {
+        let larger = |a: f32, b: f32| if a > b { a } else { b };
+        let mut gaps = [f32::NEG_INFINITY; LEAF];
+        for axis in 0..3 {
+            let (min, max) = (other.min[axis], other.max[axis]);
+            for item in 0..LEAF {
+                let gap = larger(self.min[axis][item] - max, min - self.max[axis][item]);
+                gaps[item] = larger(gaps[item], gap);
+            }
+        }
+        // Select constants first, because shifts of single bits would not be vector instructions.
+        let mut bits = [0; LEAF];
+        for item in 0..LEAF {
+            bits[item] = if gaps[item] <= 0.0 { 1_u32 << item } else { 0 };
+        }
+        bits.into_iter().fold(0, |all, bit| all | bit)
+    }
+
+    /// Calls `found` with the items of `bits` that are not of a group.
+    #[inline]
+    fn each_of(&self, mut bits: u32, group: u32, mut found: impl FnMut(usize)) {
+        while bits != 0 {
+            let item = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            if self.group[item] != group || group == LOOSE {
+                found(item);
+            }
+        }
+    }
+}
+
 #[derive(Debug)]
 pub(crate) struct Tree {
+    origin: Vec3,
     /// Boxes of the heap; the first is unused.
-    boxes: Vec<Bounds>,
-    /// Items in Morton order, and their boxes.
+    boxes: Vec<Rounded>,
+    /// The boxes of the items.
+    leaves: Vec<Leaf>,
+    /// Items in the order of the leaves.
     items: Vec<u32>,
-    item_boxes: Vec<Bounds>,
-    /// The place of each item in Morton order.
+    /// The place of each item in this order.
     places: Vec<u32>,
-    leaves: usize,
 }
 
 impl Tree {
-    /// Builds the tree of items 0, 1, 2, … with these boxes.
-    pub(crate) fn new(bounds: &[Bounds]) -> Self {
-        let mut all = Bounds::EMPTY;
-        bounds.iter().for_each(|item| all.join(item));
-        let mut codes: Vec<(u64, u32)> =
-            bounds.iter().zip(0..).map(|(item, number)| (morton(item, &all), number)).collect();
-        codes.sort_unstable();
-        let items: Vec<u32> = codes.into_iter().map(|(_, item)| item).collect();
-        let item_boxes: Vec<Bounds> = items.iter().map(|&item| bounds[item as usize]).collect();
-        let leaves = items.len().div_ceil(LEAF).next_power_of_two();
-        let mut boxes = vec![Bounds::EMPTY; 2 * leaves];
-        for (leaf, items) in item_boxes.chunks(LEAF).enumerate() {
-            items.iter().for_each(|item| boxes[leaves + leaf].join(item));
-        }
-        for node in (1..leaves).rev() {
-            let mut joined = boxes[2 * node];
-            joined.join(&boxes[2 * node + 1]);
-            boxes[node] = joined;
+    /// Builds the tree of items 0, 1, 2, … with these boxes, given in the order of the leaves. Trees that are searched together
+    /// have the same origin.
+    pub(crate) fn new(bounds: &[Bounds], order: &[u32], origin: Vec3) -> Self {
+        let items = order.to_vec();
+        let count = items.len().div_ceil(LEAF).next_power_of_two();
+        let mut leaves = vec![Leaf::EMPTY; count];
+        let mut boxes = vec![Rounded::EMPTY; 2 * count];
+        for (number, items) in items.chunks(LEAF).enumerate() {
+            for (place, &item) in items.iter().enumerate() {
+                let bounds = bounds[item as usize].rounded(&origin);
+                leaves[number].set(place, &bounds);
+                boxes[count + number].join(&bounds);
+            }
         }
         let mut places = vec![0; items.len()];
         (0..).zip(&items).for_each(|(place, &item)| places[item as usize] = place);
-        Self { boxes, items, item_boxes, places, leaves }
+        let mut tree = Self { origin, boxes, leaves, items, places };
+        (1..count).rev().for_each(|node| tree.join_children(node));
+        tree
+    }
+
+    fn join_children(&mut self, node: usize) {
+        let mut joined = self.boxes[2 * node];
+        joined.join(&self.boxes[2 * node + 1]);
+        self.boxes[node] = joined;
     }
 
     /// Gives an item another box.
     pub(crate) fn update(&mut self, item: u32, bounds: Bounds) {
         let place = self.places[item as usize] as usize;
-        self.item_boxes[place] = bounds;
-        let leaf = place / LEAF;
-        let mut joined = Bounds::EMPTY;
-        let last = ((leaf + 1) * LEAF).min(self.items.len());
-        self.item_boxes[leaf * LEAF..last].iter().for_each(|item| joined.join(item));
-        let mut node = self.leaves + leaf;
-        self.boxes[node] = joined;
+        let number = place / LEAF;
+        self.leaves[number].set(place % LEAF, &bounds.rounded(&self.origin));
+        let mut node = self.leaves.len() + number;
+        self.boxes[node] = self.leaves[number].joined();
         while node > 1 {
             node /= 2;
-            let mut joined = self.boxes[2 * node];
-            joined.join(&self.boxes[2 * node + 1]);
-            self.boxes[node] = joined;
+            self.join_children(node);
         }
     }
 
-    /// Calls `found` with every item whose box overlaps `bounds` and does not move as one with it.
+    /// Calls `found` with every item whose box overlaps `bounds` and is not of the same group, and perhaps with items that are
+    /// apart by less than the rounding of boxes.
     #[inline]
     pub(crate) fn visit(&self, bounds: &Bounds, found: &mut impl FnMut(u32)) {
-        if !self.boxes[1].meets(bounds) {
+        let bounds = bounds.rounded(&self.origin);
+        if !self.boxes[1].meets(&bounds) {
             return;
         }
         let mut stack = [0_u32; 64];
@@ -152,18 +255,15 @@ impl Tree {
         while top > 0 {
             top -= 1;
             let node = stack[top] as usize;
-            if node >= self.leaves {
-                let first = (node - self.leaves) * LEAF;
-                let last = (first + LEAF).min(self.items.len());
-                for k in first..last {
-                    if self.item_boxes[k].meets(bounds) {
-                        found(self.items[k]);
-                    }
-                }
+            if let Some(number) = node.checked_sub(self.leaves.len()) {
+                let leaf = &self.leaves[number];
+                leaf.each_of(leaf.overlapping(&bounds), bounds.group, |item| {
+                    found(self.items[number * LEAF + item]);
+                });
                 continue;
             }
             for child in [2 * node + 1, 2 * node] {
-                if self.boxes[child].meets(bounds) {
+                if self.boxes[child].meets(&bounds) {
                     stack[top] = child as u32;
                     top += 1;
                 }
@@ -186,14 +286,17 @@ impl Tree {
     pub(crate) fn visit_pairs(&self, other: &Self, front: [u32; 2], found: &mut impl FnMut(u32, u32)) {
         let is_same = std::ptr::eq(self, other);
         self.descend(other, front, |_| false, &mut |[a, b]| {
-            let [of_a, of_b] = [self.items_of(a), other.items_of(b)];
-            for i in of_a {
-                let first = if is_same && a == b { i + 1 } else { of_b.start };
-                for j in first..of_b.end {
-                    if self.item_boxes[i].meets(&other.item_boxes[j]) {
-                        found(self.items[i], other.items[j]);
-                    }
+            let [a, b] = [a as usize - self.leaves.len(), b as usize - other.leaves.len()];
+            let (leaf, others) = (&self.leaves[a], &other.leaves[b]);
+            for i in 0..LEAF.min(self.items.len().saturating_sub(a * LEAF)) {
+                let bounds = leaf.get(i);
+                let mut bits = others.overlapping(&bounds);
+                if is_same && a == b {
+                    bits &= u32::MAX << (i + 1);
                 }
+                others.each_of(bits, bounds.group, |j| {
+                    found(self.items[a * LEAF + i], other.items[b * LEAF + j]);
+                });
             }
         });
     }
@@ -213,7 +316,8 @@ impl Tree {
         }
         let mut stack = vec![front];
         while let Some([a, b]) = stack.pop() {
-            let [is_leaf, other_is_leaf] = [a as usize >= self.leaves, b as usize >= other.leaves];
+            let [is_leaf, other_is_leaf] =
+                [a as usize >= self.leaves.len(), b as usize >= other.leaves.len()];
             if is_leaf && other_is_leaf || is_end([a, b]) {
                 found([a, b]);
                 continue;
@@ -230,38 +334,12 @@ impl Tree {
             }
         }
     }
-
-    /// Returns the places of the items of a leaf.
-    fn items_of(&self, leaf: u32) -> Range<usize> {
-        let first = (leaf as usize - self.leaves) * LEAF;
-        first.min(self.items.len())..(first + LEAF).min(self.items.len())
-    }
-}
-
-/// Returns 21 bits of each coordinate of the centre, interleaved.
-fn morton(item: &Bounds, all: &Bounds) -> u64 {
-    let mut code = 0;
-    for k in 0..3 {
-        let size = all.max[k] - all.min[k];
-        let part = 0.5 * (item.min[k] + item.max[k]) - all.min[k];
-        let unit = if size > 0.0 { (part / size).clamp(0.0, 1.0) } else { 0.0 };
-        code |= spread((unit * 2_097_151.0) as u64) << k;
-    }
-    code
-}
-
-/// Inserts two zero bits between the bits of a number below 2²¹.
-fn spread(mut bits: u64) -> u64 {
-    bits = (bits | (bits << 32)) & 0x1f_0000_0000_ffff;
-    bits = (bits | (bits << 16)) & 0x1f_0000_ff00_00ff;
-    bits = (bits | (bits << 8)) & 0x100f_00f0_0f00_f00f;
-    bits = (bits | (bits << 4)) & 0x10c3_0c30_c30c_30c3;
-    (bits | (bits << 2)) & 0x1249_2492_4924_9249
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::Numbers;
 
     /// Returns overlapping boxes of nodes that move by themselves, then of two groups that move as one.
     fn boxes() -> Vec<Bounds> {
@@ -272,7 +350,7 @@ mod tests {
     #[test]
     fn parts_that_move_as_one_are_not_found() {
         let boxes = boxes();
-        let tree = Tree::new(&boxes);
+        let tree = Tree::new(&boxes, &(0..30).collect::<Vec<u32>>(), Vec3::zeros());
         let mut pairs = Vec::new();
         for front in tree.fronts(&tree) {
             tree.visit_pairs(&tree, front, &mut |a, b| pairs.push([a.min(b), a.max(b)]));
@@ -287,5 +365,41 @@ mod tests {
         tree.visit(&boxes[15], &mut |item| found.push(item));
         found.sort_unstable();
         assert_eq!(found, (0..10).chain(20..30).collect::<Vec<u32>>());
+    }
+
+    /// Boxes of size 1e-3 near 1e6 m that touch, or are apart by 1e-9 of their size or by less than single precision resolves.
+    #[test]
+    fn no_overlap_is_lost_by_rounding() {
+        let mut numbers = Numbers::new(7);
+        for origin in [0.0, 1e6, -3e9] {
+            let boxes: Vec<Bounds> = (0..200)
+                .map(|k| {
+                    let mut bounds = Bounds::EMPTY;
+                    let step = 1e-3 * (1.0 + 1e-9 * f64::from(k % 3 - 1));
+                    let x = Vec3::new(f64::from(k % 20), f64::from(k / 20), 0.3 * numbers.unit());
+                    bounds.surround(x * step + Vec3::repeat(origin), Vec3::repeat(0.5e-3));
+                    bounds
+                })
+                .collect();
+            let meets = |a: &Bounds, b: &Bounds| (0..3).all(|k| a.min[k] <= b.max[k] && b.min[k] <= a.max[k]);
+            let order: Vec<u32> = (0..200).rev().collect();
+            let tree = Tree::new(&boxes, &order, Vec3::repeat(origin + 1e-2));
+            let mut pairs = std::collections::BTreeSet::new();
+            for front in tree.fronts(&tree) {
+                tree.visit_pairs(&tree, front, &mut |a, b| {
+                    assert!(pairs.insert([a.min(b), a.max(b)]), "found twice");
+                });
+            }
+            for (a, first) in (0..).zip(&boxes) {
+                let mut found = Vec::new();
+                tree.visit(first, &mut |item| found.push(item));
+                for (b, second) in (0..).zip(&boxes) {
+                    if meets(first, second) {
+                        assert!(found.contains(&b), "{a} {b}");
+                        assert!(a == b || pairs.contains(&[a.min(b), a.max(b)]), "{a} {b}");
+                    }
+                }
+            }
+        }
     }
 }

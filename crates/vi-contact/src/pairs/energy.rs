@@ -237,7 +237,7 @@ impl Contact<'_> {
     /// Returns the pair of edges of a candidate if it acts.
     pub(crate) fn active_edges(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
         let pair = &self.neighbours.edges[pair];
-        let nodes = self.edge_nodes(pair.edges);
+        let nodes = pair.nodes;
         let positions = nodes.map(|node| at(x, node));
         let [closest] = Shape::EdgeEdge.closest_if_nearer(&[positions], pair.reach * pair.reach)?;
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);

@@ -62,7 +62,7 @@ impl Contact<'_> {
             })
         });
         let edges = self.neighbours.edges.iter().map(move |pair| {
-            let [i, j, k, l] = self.edge_nodes(pair.edges);
+            let [i, j, k, l] = pair.nodes;
             let closest = Shape::EdgeEdge.closest(&[i, j, k, l].map(|node| at(x, node)));
             Gap {
                 gap: closest.distance() - pair.gauge.thickness,

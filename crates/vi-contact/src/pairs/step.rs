@@ -271,7 +271,7 @@ impl Contact<'_> {
         settings: &StepSettings,
     ) -> Option<StepPair> {
         let pair = &self.neighbours.edges[pair];
-        let nodes = self.edge_nodes(pair.edges);
+        let nodes = pair.nodes;
         let x = x.map(|x| nodes.map(|node| at(x, node)));
         let [start, end] = Shape::EdgeEdge.closest_if_nearer(&x, pair.reach * pair.reach)?;
         let [x0, x1] = x;

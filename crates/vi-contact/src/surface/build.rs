@@ -4,8 +4,9 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::law::Laws;
+use super::order::order;
 use super::topology::edges_and_areas;
-use super::{Body, Cell, HalfSpace, LOOSE, PairRule, Point, Surface, within_rest};
+use super::{Body, Cell, HalfSpace, LOOSE, Orders, PairRule, Point, Surface, within_rest};
 use crate::barrier::Barrier;
 use crate::broad_phase::nearest_own_cells;
 use crate::distance::{Vec3, at};
@@ -200,6 +201,13 @@ impl SurfaceBuilder {
         for (node, group) in self.held {
             held[node as usize] = group;
         }
+        let centre =
+            |nodes: &[u32]| nodes.iter().map(|&node| at(&self.rest, node)).sum::<Vec3>() / nodes.len() as f64;
+        let orders = Orders {
+            points: order(points.iter().map(|point| (point.body, centre(&[point.node])))),
+            cells: order(self.cells.iter().map(|cell| (cell.body, centre(cell.nodes())))),
+            edges: order(edges.iter().map(|edge| (edge.body, centre(&edge.nodes)))),
+        };
         let frame = |body: u32| self.frames.get(&body).copied();
         let frames = (0..self.laws.bodies.len() as u32).map(frame).collect();
         let mut surface = Surface {
@@ -215,6 +223,7 @@ impl SurfaceBuilder {
             held,
             frames,
             stitches: self.stitches,
+            orders,
         };
         let nearest = nearest_own_cells(&surface);
         for (point, rest) in nearest.into_iter().enumerate() {
