@@ -45,15 +45,23 @@ pub fn separated_until(
     x0: &[Vec3; 4],
     x1: &[Vec3; 4],
     thickness: f64,
+    record: impl FnMut(Certificate),
+) -> f64 {
+    separated_from(shape, x0, x1, thickness, shape.closest(x0).vector, record)
+}
+
+/// Returns [`separated_until`], given the vector between the closest points at the start.
+#[inline]
+fn separated_from(
+    shape: Shape,
+    x0: &[Vec3; 4],
+    x1: &[Vec3; 4],
+    thickness: f64,
+    mut vector: Vec3,
     mut record: impl FnMut(Certificate),
 ) -> f64 {
     let mut time = 0.0;
     for _ in 0..DIRECTIONS {
-        let mut x = *x0;
-        for a in 0..shape.arity() {
-            x[a] += (x1[a] - x0[a]) * time;
-        }
-        let vector = shape.closest(&x).vector;
         let length = vector.norm();
         if length == 0.0 || !length.is_finite() {
             return time;
@@ -69,6 +77,11 @@ pub fn separated_until(
         if progress < PROGRESS {
             return time;
         }
+        let mut x = *x0;
+        for a in 0..shape.arity() {
+            x[a] += (x1[a] - x0[a]) * time;
+        }
+        vector = shape.closest(&x).vector;
     }
     time
 }
@@ -164,7 +177,7 @@ impl Contact<'_> {
             || (),
             |pair, (), out| {
                 let pair = &self.neighbours.edges[pair];
-                let nodes = self.edge_nodes(pair.edges);
+                let nodes = pair.nodes;
                 let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
                 out.extend(impact(partners, Shape::EdgeEdge, nodes, &pair.gauge, [x0, x1], kept));
             },
@@ -210,8 +223,8 @@ fn impact(
     kept: f64,
 ) -> Option<Impact> {
     let [start, end] = x.map(|x| nodes.map(|node| at(x, node)));
-    let distance = if kept > 0.0 { shape.closest(&start).distance() } else { 0.0 };
-    let free_until = |least: f64| separated_until(shape, &start, &end, least, |_| {});
-    let time = time_of(gauge, distance, kept, free_until)?;
+    let closest = shape.closest(&start);
+    let free_until = |least: f64| separated_from(shape, &start, &end, least, closest.vector, |_| {});
+    let time = time_of(gauge, closest.distance(), kept, free_until)?;
     Some(Impact { time, partners, nodes })
 }

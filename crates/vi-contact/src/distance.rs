@@ -111,7 +111,8 @@ impl Shape {
         x: &[[Vec3; 4]; N],
         squared: f64,
     ) -> Option<[Closest; N]> {
-        if x.iter().all(|x| self.is_apart(x, squared)) {
+        // The closest points of two points cost less than the bound.
+        if self != Self::PointPoint && x.iter().all(|x| self.is_apart(x, squared)) {
             return None;
         }
         let closest = std::array::from_fn(|end| self.closest(&x[end]));
