@@ -1,6 +1,7 @@
 //! Finds parts of surfaces that are near each other, with a tree of boxes and with lists of candidates that stay
 //! valid while nodes move little.
 
+mod boxes;
 mod margins;
 mod neighbours;
 mod search;
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 
 use crate::distance::{Vec3, at};
 use crate::surface::Surface;
-use tree::{Bounds, Tree};
+use boxes::Bounds;
+use tree::Tree;
 
 /// Returns for each point the rest distance (m) to the nearest cell of its own body that does not contain it;
 /// infinite if that is too far for contact at rest.

@@ -12,7 +12,7 @@
 
 use vi_core::Tube;
 
-use super::tree::Bounds;
+use super::boxes::Bounds;
 use crate::distance::{Shape, Vec3, at};
 use crate::surface::Surface;
 

@@ -6,9 +6,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use vi_core::Tube;
 
+use super::boxes::Bounds;
 use super::margins::{Common, Margins};
 use super::neighbours::{Apart, EdgePair, Neighbours};
-use super::tree::{Bounds, Tree};
+use super::tree::Tree;
 use crate::distance::{Shape, Vec3, at};
 use crate::surface::{Edge, Surface};
 
