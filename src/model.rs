@@ -15,7 +15,7 @@ mod matter;
 mod meeting;
 mod naming;
 mod outline;
-mod parted;
+pub(crate) mod parted;
 mod parting;
 mod partition;
 pub(crate) mod parts;

@@ -1,7 +1,7 @@
 //! Meshes that were parted beforehand, so that each of several processes reads only what it needs.
 
 use vi_io::{IoError, PartedMesh};
-use vi_mesh::CellKind;
+use vi_mesh::{CellKind, Runs};
 
 use crate::scene::Body;
 
@@ -38,7 +38,8 @@ pub(super) fn kind_in_parts(cells: impl Iterator<Item = CellKind>) -> Result<Cel
     }
 }
 
-/// Returns the number of elements of the runs in which their forces are summed.
-pub(super) fn run_length(kind: CellKind, element_count: usize) -> usize {
-    vi_core::run_length(element_count, 3 * kind.node_count())
+/// Returns the runs in which the forces of elements are summed, and those that each of `count` processes computes.
+pub(crate) fn runs(kind: CellKind, element_count: usize, count: usize) -> Runs {
+    let length = vi_core::run_length(element_count, 3 * kind.node_count());
+    Runs::new(element_count, length, vi_core::runs_of_ranks(element_count.div_ceil(length), count))
 }

@@ -6,7 +6,7 @@ use vi_fem::check_body;
 use vi_io::IoError;
 use vi_mesh::CellKind;
 
-use super::parted::{kind_in_parts, run_length};
+use super::parted::{kind_in_parts, runs};
 
 /// Error that prevents a mesh from being parted.
 #[derive(Debug, thiserror::Error)]
@@ -50,6 +50,6 @@ pub(crate) fn part(source: &Path, count: usize, scale: f64, index: &Path) -> Res
     let kind =
         kind_in_parts(file.mesh.blocks.iter().map(|block| block.kind)).map_err(|why| wrong(vec![why]))?;
     let elements = file.mesh.cells_of_dimension(3).len();
-    let files = vi_io::write_parted(index, &file, count, run_length(kind, elements))?;
+    let files = vi_io::write_parted(index, &file, count, runs(kind, elements, 1).length())?;
     Ok(PartFacts { kind, elements, nodes: file.mesh.points.len(), files })
 }

@@ -8,7 +8,7 @@ use vi_mesh::{BoxMesh, CellKind, FarElements, FinerMesh, Mesh, MeshError, MeshPa
 
 use super::body::MaterialPart;
 use super::import::{self, Imported};
-use super::parted::{self, kind_in_parts, run_length};
+use super::parted::{self, kind_in_parts, runs};
 use super::size::Budget;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
@@ -79,21 +79,21 @@ pub(super) fn bodies<'a>(
 /// file, which is dropped.
 fn part(id: BodyId, body: &Body, share: Share) -> Result<ReadBody<'_>, Problem> {
     let wrong = |why: String| wrong_in_parts(id, body, why);
-    let of_process = (share.process, share.count);
+    let Share { process, count } = share;
     let part = if let Some(placed) = placed_box(body) {
-        let run_length = run_length(placed.element, placed.element_count() as usize);
-        let made = placed.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?;
+        let runs = runs(placed.element, placed.element_count() as usize, count);
+        let made = placed.part(process, &runs).map_err(|error| wrong(error.to_string()))?;
         made.ok_or_else(|| wrong(format!("{} cannot be generated in parts", placed.element)))?
     } else if let Some(parted) = parted::open(body) {
         let parted = parted.map_err(|error| wrong(error.to_string()))?;
         let kind = kind_in_parts([parted.pieces().kind].into_iter()).map_err(wrong)?;
-        let run_length = run_length(kind, parted.pieces().element_count());
-        parted.part(of_process, run_length).map_err(|error| wrong(error.to_string()))?
+        let runs = runs(kind, parted.pieces().element_count(), count);
+        parted.part(process, &runs).map_err(|error| wrong(error.to_string()))?
     } else {
         let path = body.mesh.as_ref().ok_or_else(|| wrong("has neither shape nor file".to_owned()))?;
         let mesh = import::read(path, body).map_err(|messages| wrong(messages.join("; ")))?.mesh;
         let kind = kind_in_parts(mesh.blocks.iter().map(|block| block.kind)).map_err(wrong)?;
-        MeshPart::of_mesh(&mesh, of_process, run_length(kind, mesh.cells_of_dimension(3).len()))
+        MeshPart::of_mesh(&mesh, process, &runs(kind, mesh.cells_of_dimension(3).len(), count))
     };
     let MeshPart { mesh, numbering, order, run_length, runs } = part;
     let materials = materials(body, &mesh).map_err(wrong)?;

@@ -8,6 +8,7 @@ use vi_solvers::{Member, SolverOptions};
 
 use super::Simulation;
 use super::needs::{keeps_ledger, method_of, problem_of_ranks};
+use crate::model::parted::runs;
 use crate::model::parts::{Runs, build_parts, is_separable, of_parted_meshes};
 use crate::model::{self, BodyModel, Holding, Share};
 use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
@@ -106,8 +107,7 @@ pub(crate) fn far_nodes(bodies: &[BodyModel], component: usize, size: usize) -> 
     // Such a body is a component.
     let body = bodies.iter().find(|body| body.component == component)?;
     let far = body.far.as_ref()?;
-    let run_length = vi_core::run_length(far.count(), 3 * far.kind().node_count());
-    let mut nodes = far.nodes_of_processes(size, run_length);
+    let mut nodes = far.nodes_of_processes(&runs(far.kind(), far.count(), size));
     for nodes in &mut nodes {
         nodes.iter_mut().for_each(|node| *node = body.numbering.of(*node));
         nodes.sort_unstable();

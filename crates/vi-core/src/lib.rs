@@ -13,7 +13,7 @@ pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
 pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOutcome};
 pub use contract::disjoint_sets::DisjointSets;
 pub use contract::elsewhere::Elsewhere;
-pub use contract::exchange::{Alone, Exchange, Message, ThreadRank, Traffic};
+pub use contract::exchange::{Alone, Exchange, Message, ThreadRank, Traffic, runs_of_ranks};
 pub use contract::force::{Force, ForceAccount};
 pub use contract::inertia::solve_mass;
 pub use contract::ledger::{EnergyLedger, StepEnergy};

@@ -14,7 +14,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use vi_mesh::{CellBlock, FarElements, Mesh, MeshPart, MeshPieces, Region};
+use vi_mesh::{CellBlock, FarElements, Mesh, MeshPart, MeshPieces, Region, Runs};
 
 use crate::error::IoError;
 use crate::mesh::{DataArray, MeshFile};
@@ -62,12 +62,12 @@ impl PartedMesh {
         self.read_whole(|_| true).map(|(file, _)| file)
     }
 
-    /// Reads the part that process number `process` of `count` needs, from the pieces that have it.
+    /// Reads the part that process number `process` needs, from the pieces that have it.
     ///
     /// # Errors
     /// Returns [`IoError::System`], [`IoError::OtherPiece`], or the fault in a piece.
-    pub fn part(&self, (process, count): (usize, usize), run_length: usize) -> Result<MeshPart, IoError> {
-        self.pieces().part((process, count), run_length, |number| self.files.piece(number))
+    pub fn part(&self, process: usize, runs: &Runs) -> Result<MeshPart, IoError> {
+        self.pieces().part(process, runs, |number| self.files.piece(number))
     }
 
     /// Reads everything but the elements and the regions of volumes, which are left out, and returns the elements as functions of

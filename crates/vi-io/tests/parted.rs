@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use vi_io::{DataArray, IoError, MeshFile, PartedMesh, parse_mesh, read_mesh, write_parted};
-use vi_mesh::{BoxMesh, CellKind, Mesh, MeshPart, Region, sort_by_place};
+use vi_mesh::{BoxMesh, CellKind, Mesh, MeshPart, Region, Runs, sort_by_place};
 
 const RUN_LENGTH: usize = 64;
 
@@ -48,6 +48,15 @@ fn open(index: &Path) -> PartedMesh {
     PartedMesh::open(index).unwrap().unwrap()
 }
 
+fn runs_of(mesh: &PartedMesh, length: usize, processes: usize) -> Runs {
+    Runs::in_equal_shares(mesh.pieces().element_count(), length, processes)
+}
+
+/// Reads the part of the first of several processes.
+fn part_of(mesh: &PartedMesh, processes: usize) -> Result<MeshPart, IoError> {
+    mesh.part(0, &runs_of(mesh, RUN_LENGTH, processes))
+}
+
 #[test]
 fn parts_are_those_of_the_whole_mesh_from_any_number_of_pieces() {
     let directory = tempfile::tempdir().unwrap();
@@ -59,9 +68,10 @@ fn parts_are_those_of_the_whole_mesh_from_any_number_of_pieces() {
         for count in [1, 2, 3, 4, 7] {
             // Runs of another length than that of the pieces belong to several of them.
             for run_length in [RUN_LENGTH, 100] {
+                let runs = runs_of(&mesh, run_length, count);
                 for process in 0..count {
-                    let part = mesh.part((process, count), run_length).unwrap();
-                    assert!(part == MeshPart::of_mesh(&file.mesh, (process, count), run_length));
+                    let part = mesh.part(process, &runs).unwrap();
+                    assert!(part == MeshPart::of_mesh(&file.mesh, process, &runs));
                 }
             }
         }
@@ -92,7 +102,7 @@ fn elements_on_disk_are_those_of_the_whole_mesh() {
     let found: Vec<u32> =
         far.of_runs(&[0, 9, runs.len() - 1], RUN_LENGTH).into_iter().map(|one| far.cell(one)).collect();
     assert_eq!(found, [runs[0], runs[9], runs[runs.len() - 1]].concat());
-    let of_processes = far.nodes_of_processes(3, RUN_LENGTH);
+    let of_processes = far.nodes_of_processes(&Runs::in_equal_shares(far.count(), RUN_LENGTH, 3));
     for (process, found) in of_processes.iter().enumerate() {
         let own = runs.iter().enumerate().filter(|(run, _)| run * 3 / runs.len() == process);
         let mut nodes: Vec<u32> =
@@ -121,7 +131,7 @@ fn a_fault_of_the_disk_is_kept() {
 fn files_that_do_not_belong_together_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let (_, index, files) = parted(directory.path(), 5);
-    let part = || open(&index).part((0, 5), RUN_LENGTH).unwrap_err();
+    let part = || part_of(&open(&index), 5).unwrap_err();
     let (piece, bytes) = (&files[0], fs::read(&files[0]).unwrap());
 
     fs::remove_file(piece).unwrap();
@@ -135,7 +145,7 @@ fn files_that_do_not_belong_together_are_refused() {
     assert!(matches!(&error, IoError::OtherPiece { file, .. } if file == piece));
     assert!(error.to_string().contains("it has the checksum"), "{error}");
     fs::write(piece, bytes).unwrap();
-    assert!(open(&index).part((0, 5), RUN_LENGTH).is_ok());
+    assert!(part_of(&open(&index), 5).is_ok());
 
     let text = fs::read_to_string(&index).unwrap();
     assert!(matches!(parse_mesh(text.as_bytes(), &index), Err(IoError::Unsupported { .. })));
@@ -165,7 +175,7 @@ fn a_piece_with_wrong_lists_is_refused() {
         other[at..at + to.len()].copy_from_slice(to);
         fs::write(&files[0], &other).unwrap();
         fs::write(&index, text.replace(&sum_of(&bytes), &sum_of(&other))).unwrap();
-        open(&index).part((0, 5), RUN_LENGTH).unwrap_err()
+        part_of(&open(&index), 5).unwrap_err()
     };
     let error = wrong(first_element, &u32::MAX.to_le_bytes());
     assert!(
@@ -193,7 +203,7 @@ fn a_damaged_index_is_refused() {
             other[at] ^= change;
             fs::write(&index, &other).unwrap();
             if let Ok(Some(mesh)) = PartedMesh::open(&index) {
-                let _ = (mesh.read(), mesh.part((1, 2), RUN_LENGTH), mesh.without_elements());
+                let _ = (mesh.read(), part_of(&mesh, 2), mesh.without_elements());
             }
         }
     }

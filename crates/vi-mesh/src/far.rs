@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use crate::cell::CellKind;
 use crate::mesh::{CellBlock, Mesh};
+use crate::runs::Runs;
 
 /// Number of elements that are looked at together.
 const WINDOW: usize = 1 << 14;
@@ -38,9 +39,8 @@ pub trait FarElements: Debug + Send + Sync {
     /// Returns the elements of some runs of `run_length` elements (ascending), run after run.
     fn of_runs(&self, runs: &[usize], run_length: usize) -> Vec<u32>;
 
-    /// Returns the nodes (ascending) of the runs of each of `count` processes; run k belongs to the process
-    /// ⌊k · `count` / number of runs⌋.
-    fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>>;
+    /// Returns the nodes (ascending) of the runs of each process.
+    fn nodes_of_processes(&self, runs: &Runs) -> Vec<Vec<u32>>;
 }
 
 /// A mesh without its elements, and the elements.

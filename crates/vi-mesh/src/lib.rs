@@ -38,4 +38,5 @@ pub use order::{Numbering, sort_by_place};
 pub use part::MeshPart;
 pub use piece::Piece;
 pub use pieces::{CutMesh, MeshPieces};
+pub use runs::Runs;
 pub use triangulation::{Edge, Orientation, Triangulation, orient_triangles};

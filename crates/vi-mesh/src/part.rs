@@ -24,13 +24,12 @@ pub struct MeshPart {
 }
 
 impl MeshPart {
-    /// Cuts the part that process number `process` of `count` needs out of a mesh of volumes of one kind: the runs k of `run_length`
-    /// elements with ⌊k · count / number of runs⌋ = `process`, and all runs that share nodes with these. Regions of facets, edges
-    /// and points become regions of points.
-    pub fn of_mesh(mesh: &Mesh, (process, count): (usize, usize), run_length: usize) -> Self {
+    /// Cuts the part that process number `process` needs out of a mesh of volumes of one kind: those of these runs that it
+    /// computes, and all that share nodes with them. Regions of facets, edges and points become regions of points.
+    pub fn of_mesh(mesh: &Mesh, process: usize, runs: &Runs) -> Self {
         let mut on_curve = mesh.cells_of_dimension(3);
         sort_by_place(mesh, &mut on_curve);
-        let runs = Runs { elements: on_curve.len(), length: run_length, processes: count };
+        let run_length = runs.length();
         let mut is_own_node = vec![false; mesh.points.len()];
         let own = &on_curve[runs.positions_of(process)];
         mesh.corners_of(own).for_each(|node| is_own_node[node as usize] = true);

@@ -56,8 +56,7 @@ impl<'a> CutMesh<'a> {
         };
         let volumes = mesh.cells_of_dimension(3);
         // A piece has the elements of one of `count` processes.
-        let runs = Runs { elements: volumes.len(), length: run_length, processes: count };
-        let run_count = runs.count();
+        let run_count = volumes.len().div_ceil(run_length);
         if count == 0 || count > run_count {
             return Err(invalid(format!(
                 "{count} pieces cannot be cut from {} elements, which are summed in {run_count} runs of {run_length}; \
@@ -65,6 +64,7 @@ impl<'a> CutMesh<'a> {
                 volumes.len()
             )));
         }
+        let runs = Runs::in_equal_shares(volumes.len(), run_length, count);
         let mut on_curve = volumes.clone();
         sort_by_place(mesh, &mut on_curve);
         let ends = (0..count).map(|piece| runs.positions_of(piece).end).collect();
@@ -154,50 +154,43 @@ impl MeshPieces {
         (first..self.ends.len()).map(within).take_while(|(_, range)| !range.is_empty())
     }
 
-    /// Reads the pieces with elements that process number `process` of `count` computes, in runs of `run_length` elements. Calls
-    /// `see` with each piece and the positions of these elements from its first one.
+    /// Reads the pieces with elements of the runs that process number `process` computes. Calls `see` with each piece and the
+    /// positions of these elements from its first one.
     ///
     /// # Errors
     /// Returns the errors of `read`, which returns a piece.
     pub fn each_own<E>(
         &self,
-        (process, count): (usize, usize),
-        run_length: usize,
+        (process, runs): (usize, &Runs),
         mut read: impl FnMut(usize) -> Result<Piece, E>,
         mut see: impl FnMut(&Piece, Range<usize>),
     ) -> Result<(), E> {
-        for (number, positions) in self.overlapping(self.runs(run_length, count).positions_of(process)) {
+        for (number, positions) in self.overlapping(runs.positions_of(process)) {
             let first = self.range(number).start;
             see(&read(number)?, positions.start - first..positions.end - first);
         }
         Ok(())
     }
 
-    /// Returns the runs of its elements.
-    fn runs(&self, length: usize, processes: usize) -> Runs {
-        Runs { elements: self.element_count(), length, processes }
-    }
-
-    /// Returns the part that process number `process` of `count` needs, as [`MeshPart::of_mesh`] cuts it out of the whole mesh. `read`
+    /// Returns the part that process number `process` needs, as [`MeshPart::of_mesh`] cuts it out of the whole mesh. `read`
     /// returns a piece; it is called for pieces of the process and their neighbours, one after the other.
     ///
     /// # Errors
     /// Returns the errors of `read`.
     pub fn part<E>(
         &self,
-        (process, count): (usize, usize),
-        run_length: usize,
+        process: usize,
+        runs: &Runs,
         mut read: impl FnMut(usize) -> Result<Piece, E>,
     ) -> Result<MeshPart, E> {
-        let arity = self.kind.node_count();
+        let (arity, run_length) = (self.kind.node_count(), runs.length());
         let mut own_nodes: Vec<u32> = Vec::new();
-        self.each_own((process, count), run_length, &mut read, |piece, positions| {
+        self.each_own((process, runs), &mut read, |piece, positions| {
             own_nodes.extend(piece.nodes_at(positions, arity));
         })?;
         own_nodes.sort_unstable();
         own_nodes.dedup();
 
-        let runs = self.runs(run_length, count);
         let own = self.overlapping(runs.positions_of(process));
         let near: BTreeSet<usize> = own.flat_map(|(piece, _)| &self.neighbours[piece]).copied().collect();
         let mut is_needed = vec![false; runs.count()];

@@ -1,5 +1,6 @@
 //! Several processes (ranks) that compute one system together, and what they exchange.
 
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -33,6 +34,20 @@ pub trait Exchange: Send + Sync {
     fn linear_solver(&self) -> Option<Box<dyn RankSolver>> {
         None
     }
+}
+
+/// Returns the runs of a term ([`crate::run_length`]) that each of `size` ranks computes, in the order of the ranks.
+///
+/// The first rank has a share of (9 − `size`)/(8 `size`), and at least one run; the others have equal shares of the rest. The first rank
+/// also keeps the state of the whole system, about an eighth of the memory of all portions, so that with up to eight ranks all need about
+/// the same memory (docs/scale.md). It also does what is not shared. Sums have the same bits for all shares.
+pub fn runs_of_ranks(run_count: usize, size: usize) -> Vec<Range<usize>> {
+    let others = size.saturating_sub(1);
+    // Rounded to the nearest number.
+    let (parts, of) = (run_count * 8_usize.saturating_sub(others), 8 * size.max(1));
+    let first = if others == 0 { run_count } else { ((2 * parts + of) / (2 * of)).max(run_count.min(1)) };
+    let end = |rank: usize| if rank == 0 { first } else { first + (run_count - first) * rank / others };
+    (0..size).map(|rank| if rank == 0 { 0..first } else { end(rank - 1)..end(rank) }).collect()
 }
 
 /// What a rank sends to the others per gradient.
@@ -161,5 +176,34 @@ impl Exchange for ThreadRank {
 
     fn any(&self, flag: bool) -> bool {
         self.pieces(&[u8::from(flag)]).iter().any(|piece| piece == &[1])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::runs_of_ranks;
+
+    #[test]
+    fn every_run_has_one_rank_and_the_first_rank_has_fewer() {
+        for (count, size) in
+            [(0, 1), (0, 3), (1, 1), (1, 3), (7, 2), (8, 4), (1000, 2), (1000, 4), (1000, 40)]
+        {
+            let runs = runs_of_ranks(count, size);
+            assert_eq!(runs.len(), size);
+            let mut end = 0;
+            for of_rank in &runs {
+                assert_eq!(of_rank.start, end);
+                end = of_rank.end;
+            }
+            assert_eq!(end, count);
+            if count >= size {
+                let lengths: Vec<usize> = runs.iter().map(ExactSizeIterator::len).collect();
+                assert!(lengths.iter().all(|&length| length > 0 && length + 1 >= lengths[0]), "{lengths:?}");
+                let others = &lengths[1..];
+                assert!(others.iter().max() <= others.iter().min().map(|least| least + 1).as_ref());
+            }
+        }
+        assert_eq!(runs_of_ranks(1000, 2), [0..438, 438..1000]);
+        assert_eq!(runs_of_ranks(1000, 4)[0], 0..156);
     }
 }

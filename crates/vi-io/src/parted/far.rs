@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use vi_mesh::{CellKind, FarElements, Piece};
+use vi_mesh::{CellKind, FarElements, Piece, Runs};
 
 use super::files::Files;
 use super::sections::point;
@@ -157,19 +157,19 @@ impl FarElements for FiledElements {
         elements
     }
 
-    fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>> {
+    fn nodes_of_processes(&self, runs: &Runs) -> Vec<Vec<u32>> {
         let (pieces, arity) = (&self.files.index.pieces, self.kind().node_count());
         let nodes_of = |process: usize| {
             let mut nodes: Vec<u32> = Vec::new();
             let read = |number| self.files.piece(number);
             let see = |piece: &Piece, range: Range<usize>| nodes.extend(piece.nodes_at(range, arity));
-            if let Err(error) = pieces.each_own((process, count), run_length, read, see) {
+            if let Err(error) = pieces.each_own((process, runs), read, see) {
                 self.record(&error.to_string());
             }
             nodes.sort_unstable();
             nodes.dedup();
             nodes
         };
-        (0..count).map(nodes_of).collect()
+        (0..runs.process_count()).map(nodes_of).collect()
     }
 }

@@ -18,21 +18,16 @@ use crate::runs::Runs;
 const BIN_BITS: u32 = 18;
 
 impl BoxMesh {
-    /// Returns the part of [`BoxMesh::build`] that process number `process` of `count` needs: the runs k of `run_length`
-    /// elements with ⌊k · count / number of runs⌋ = `process`, and all runs that share nodes with these. Returns `None`
-    /// for elements with nodes elsewhere than at the corners of the cells of the box.
+    /// Returns the part of [`BoxMesh::build`] that process number `process` needs: those of these runs that it computes, and all that
+    /// share nodes with them. Returns `None` for elements with nodes elsewhere than at the corners of the cells of the box.
     ///
     /// # Errors
     /// Returns the errors of [`BoxMesh::build`].
-    pub fn part(
-        &self,
-        (process, count): (usize, usize),
-        run_length: usize,
-    ) -> Result<Option<MeshPart>, MeshError> {
+    pub fn part(&self, process: usize, runs: &Runs) -> Result<Option<MeshPart>, MeshError> {
         self.check()?;
         let Some(grid) = Grid::new(self) else { return Ok(None) };
         let along = Along::new(&grid);
-        let runs = Runs { elements: grid.element_count(), length: run_length, processes: count };
+        let run_length = runs.length();
         let is_own: Vec<bool> = (0..runs.count()).map(|run| runs.process_of(run) == process).collect();
 
         let mut is_own_node = vec![false; grid.node_count()];
@@ -197,10 +192,9 @@ impl FarElements for Grid {
         found.into_iter().map(|(_, element)| element).collect()
     }
 
-    fn nodes_of_processes(&self, count: usize, run_length: usize) -> Vec<Vec<u32>> {
+    fn nodes_of_processes(&self, runs: &Runs) -> Vec<Vec<u32>> {
         let along = Along::new(self);
-        let runs = Runs { elements: self.element_count(), length: run_length, processes: count };
-        let process_at = |position: usize| runs.process_of(position / run_length) as u32;
+        let process_at = |position: usize| runs.process_of(position / runs.length()) as u32;
         // Most bins belong to one process; the elements of the others must be sorted.
         let ends = |bin: usize| along.before[bin]..along.before[bin + 1];
         let process_of = |bin: usize| {
@@ -230,7 +224,7 @@ impl FarElements for Grid {
         }
         others.sort_unstable();
         others.dedup();
-        let mut nodes = vec![Vec::new(); count];
+        let mut nodes = vec![Vec::new(); runs.process_count()];
         (0..).zip(&first).for_each(|(node, &process)| nodes[process as usize].push(node));
         others.into_iter().for_each(|(node, process)| nodes[process as usize].push(node));
         nodes.iter_mut().for_each(|nodes| nodes.sort_unstable());
@@ -338,14 +332,15 @@ mod tests {
             for (cell, &element) in sorted.iter().enumerate() {
                 assert_eq!(places(&window.mesh, cell as u32), places(&whole, element));
             }
-            let of_processes = far.nodes_of_processes(count, run_length);
+            let shares = Runs::in_equal_shares(sorted.len(), run_length, count);
+            let of_processes = far.nodes_of_processes(&shares);
             let cut_mesh = CutMesh::new(&whole, 5, run_length).unwrap();
             for process in 0..count {
-                let part = shape.part((process, count), run_length).unwrap().unwrap();
+                let part = shape.part(process, &shares).unwrap().unwrap();
                 // The part that is cut out of the whole mesh has the same elements and the same order.
-                let cut = MeshPart::of_mesh(&whole, (process, count), run_length);
+                let cut = MeshPart::of_mesh(&whole, process, &shares);
                 let read = |piece| Ok::<_, Infallible>(cut_mesh.piece(piece));
-                assert_eq!(cut_mesh.pieces().part((process, count), run_length, read).unwrap(), cut);
+                assert_eq!(cut_mesh.pieces().part(process, &shares, read).unwrap(), cut);
                 let volumes = cut.mesh.cells_of_dimension(3);
                 assert_eq!(cut.mesh.points, part.mesh.points);
                 assert!(volumes.iter().all(|&k| cut.mesh.cell(k as usize) == part.mesh.cell(k as usize)));
@@ -405,7 +400,7 @@ mod tests {
     fn elements_with_other_nodes_are_left_to_the_whole_mesh() {
         for element in [CellKind::Tet10, CellKind::Pyramid5] {
             let shape = BoxMesh { size: [1.0; 3], cells: [2; 3], element, origin: [0.0; 3] };
-            assert_eq!(shape.part((0, 1), 64).unwrap(), None);
+            assert_eq!(shape.part(0, &Runs::in_equal_shares(48, 64, 1)).unwrap(), None);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use vi_core::{Coordinates, HessianKind, System};
+use vi_core::{Coordinates, HessianKind, System, runs_of_ranks};
 
 use crate::assemble::spans::{common_block, mobilities, mobility_of, spans};
 use crate::ranks::rows::RowsLayout;
@@ -107,11 +107,12 @@ impl Layout {
             let potential = terms.fixed()[term].as_ref();
             let of_term: Vec<_> = spans(term, potential).collect();
             let stencils = potential.stencils();
-            for (k, span) in of_term.iter().enumerate() {
+            let of_ranks = runs_of_ranks(of_term.len(), size).into_iter().enumerate();
+            for (rank, k) in of_ranks.flat_map(|(rank, runs)| runs.map(move |k| (rank, k))) {
+                let span = &of_term[k];
                 if !mobility_of(span, potential, &mobility).0 {
                     return None;
                 }
-                let rank = k * size / of_term.len();
                 runs[rank].push((term, span.stencils.start));
                 let range = span.stencils.start * stencils.arity..span.stencils.end * stencils.arity;
                 stencils.nodes[range].iter().for_each(|&node| is_held[rank][node as usize] = true);
@@ -136,8 +137,10 @@ impl Layout {
             .enumerate()
             .filter_map(|(term, potential)| Some((term, potential.elsewhere()?)));
         for (term, elsewhere) in far {
-            let count = elsewhere.count.div_ceil(elsewhere.run_length);
-            (0..count).for_each(|run| runs[run * size / count].push((term, run * elsewhere.run_length)));
+            let of_ranks = runs_of_ranks(elsewhere.count.div_ceil(elsewhere.run_length), size);
+            for (of_rank, own) in runs.iter_mut().zip(of_ranks) {
+                of_rank.extend(own.map(|run| (term, run * elsewhere.run_length)));
+            }
         }
         let reported = reported(&nodes, terms.coordinates().dof_count() / common_block(terms))?;
         Some(Self::new(system, (nodes, reported), runs, Vec::new(), steps))

@@ -7,7 +7,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Exchange, Message, Padded, Terms};
+use vi_core::{Exchange, Message, Padded, Terms, runs_of_ranks};
 
 use super::halo::Halo;
 use super::{Chunk, Gather};
@@ -49,7 +49,8 @@ impl Division {
     pub(crate) fn new(whole: &Gather, size: usize) -> Self {
         let mut chunk_ranks = Vec::with_capacity(whole.chunks.len());
         for of_term in whole.chunks.chunk_by(|a, b| a.span.term == b.span.term) {
-            chunk_ranks.extend((0..of_term.len()).map(|k| (k * size / of_term.len()) as u32));
+            let of_ranks = (0..).zip(runs_of_ranks(of_term.len(), size));
+            chunk_ranks.extend(of_ranks.flat_map(|(rank, runs)| runs.map(move |_| rank)));
         }
         Self::with_ranks(whole, chunk_ranks, size)
     }
