@@ -178,6 +178,21 @@ fn a_mesh_file_has_the_files_of_one_process() {
     assert_in_parts(&place_of("file").join("4"));
 }
 
+/// The energy guard goes back to a state that the ranks keep: to the start, and to a later one.
+#[test]
+fn a_run_that_goes_back_has_the_files_of_one_process() {
+    for (name, step, end, from) in
+        [("back-to-start", "8e-4", "0.04", "0e0"), ("back", "7.65e-4", "0.0765", "4.896e-2")]
+    {
+        let text = BLOCK
+            .replace("step = 2.5e-4", &format!("step = {step}"))
+            .replace("end = 0.02", &format!("end = {end}"));
+        same_files(name, &(text + "[guard]\naction = \"halve\"\n"));
+        let report = std::fs::read_to_string(place_of(name).join("4/report.json")).unwrap();
+        assert!(report.contains(&format!("from t = {from} s on with steps of")), "{report}");
+    }
+}
+
 #[test]
 fn cloth_has_the_files_of_one_process() {
     same_files("cloth", CLOTH);

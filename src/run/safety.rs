@@ -9,17 +9,19 @@ use crate::scene::GuardAction;
 
 impl Run {
     /// Keeps the current state, if the guard may go back to one.
-    pub(super) fn keep_good(&mut self) {
+    pub(super) fn keep_good(&mut self) -> Result<(), RunError> {
         let can_go_back =
             matches!(self.observers.guard.rule.action, GuardAction::Halve | GuardAction::Switch);
         if can_go_back && (self.good.is_none() || self.observers.guard.keeps(self.simulation.steps())) {
             // Two states of a large mesh take much memory.
             self.good = None;
+            let kept = self.simulation.keep();
             self.good = Some(Good {
-                simulation: self.simulation.snapshot(),
+                simulation: kept.map_err(|error| CheckpointError::Unfit(error.to_string()))?,
                 observers: self.observers.snapshots(Purpose::GoBack),
             });
         }
+        Ok(())
     }
 
     /// Returns whether the run can go back to a good state with a smaller step.

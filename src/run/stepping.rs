@@ -262,7 +262,7 @@ impl Run {
     /// Makes one step, or several if nothing is due between them, and writes row, frame and checkpoint if they are due.
     /// The energy guard may go back instead.
     fn advance(&mut self) -> Result<(), RunError> {
-        self.keep_good();
+        self.keep_good()?;
         let quiet = self.quiet_steps();
         let (next, h) = (self.simulation.steps() + 1, self.simulation.step_size());
         let is_within = self.observers.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));

@@ -84,11 +84,33 @@ impl Simulation {
         let of = |component: &Component| {
             (component.state.clone(), component.stepper.as_ref().map(|stepper| stepper.memory()))
         };
+        self.snapshot_of(self.components.iter().map(of).collect())
+    }
+
+    /// Returns a snapshot for [`Simulation::go_back`] alone, which replaces an earlier one. It is without the states that other processes
+    /// keep ([`vi_solvers::Stepper::keep`]).
+    ///
+    /// # Errors
+    /// Returns the errors of [`vi_solvers::Stepper::keep`].
+    pub(crate) fn keep(&mut self) -> Result<Snapshot, SolverError> {
+        let of = |component: &mut Component| {
+            let Component { state, stepper, .. } = component;
+            let is_elsewhere = stepper.as_mut().map_or(Ok(false), |stepper| stepper.keep(state))?;
+            Ok(match is_elsewhere {
+                true => (State { t: state.t, q: Vec::new(), p: Vec::new() }, None),
+                false => (state.clone(), stepper.as_ref().map(|stepper| stepper.memory())),
+            })
+        };
+        let components = self.components.iter_mut().map(of).collect::<Result<_, SolverError>>()?;
+        Ok(self.snapshot_of(components))
+    }
+
+    fn snapshot_of(&self, components: Vec<(State, Option<StepperMemory>)>) -> Snapshot {
         Snapshot {
             steps: self.steps,
             parts: u64::from(self.parts),
             switched: self.switched,
-            components: self.components.iter().map(of).collect(),
+            components,
             paces: self.components.iter().map(|component| component.pace).collect(),
             work: self.work(),
             substeps: self.substeps,
@@ -123,6 +145,11 @@ impl Simulation {
             component.pace = pace;
         }
         for (component, (state, memory)) in self.components.iter_mut().zip(&snapshot.components) {
+            if let (Some(stepper), None) = (&mut component.stepper, memory) {
+                // Other processes keep the state, or the snapshot belongs to another scene.
+                stepper.go_back(&mut component.state)?;
+                continue;
+            }
             if [&state.q, &state.p].iter().any(|values| values.len() != component.state.q.len()) {
                 return Err(SolverError::Memory { missing: "state of this system" });
             }

@@ -19,6 +19,10 @@ pub(crate) enum Command {
     },
     /// Send the state back.
     State,
+    /// Keep a copy of the state.
+    Keep,
+    /// Go back to the state that was kept, and send it.
+    GoBack,
     /// Sum energies at the positions that follow.
     Energies {
         /// The time, s.
@@ -94,6 +98,8 @@ impl Command {
             Self::MultiplyLanczos { norm } => (10, [norm, 0.0, 0.0, 0.0]),
             Self::SubtractLanczos { factors: [alpha, beta] } => (11, [alpha, beta, 0.0, 0.0]),
             Self::State => (12, [0.0; LENGTH]),
+            Self::Keep => (13, [0.0; LENGTH]),
+            Self::GoBack => (14, [0.0; LENGTH]),
         };
         let head = [component as u32, tag].into_iter().flat_map(u32::to_le_bytes);
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
@@ -121,6 +127,8 @@ impl Command {
             10 => Self::MultiplyLanczos { norm: number(0)? },
             11 => Self::SubtractLanczos { factors: [number(0)?, number(1)?] },
             12 => Self::State,
+            13 => Self::Keep,
+            14 => Self::GoBack,
             _ => return None,
         };
         Some((word(0)? as usize, command))
@@ -141,13 +149,14 @@ mod tests {
             Command::Diagonal,
             Command::Solve { tolerance: 0.5, most: 9 },
         ];
-        let others = [Command::Place { evaluated: None }, placed, steps, Command::State];
+        let kept = [Command::State, Command::Keep, Command::GoBack];
+        let others = [Command::Place { evaluated: None }, placed, steps].into_iter().chain(kept);
         let lanczos = [
             Command::StartLanczos { t: 0.1, per_unit: 2.0, displacement: 3.0 },
             Command::MultiplyLanczos { norm: 0.7 },
             Command::SubtractLanczos { factors: [4.0, 5.0] },
         ];
-        for command in others.into_iter().chain(sums).chain(solves).chain(lanczos) {
+        for command in others.chain(sums).chain(solves).chain(lanczos) {
             assert_eq!(Command::decode(&command.encode(7)), Some((7, command)));
         }
         assert_eq!(Command::decode(b"short"), None);

@@ -41,6 +41,7 @@ pub fn stepper_of_ranks(
         coordinates: Arc::clone(system.terms().shared_coordinates()),
         is_autonomous: TimeDependence::of(system).is_none,
         there: None,
+        kept: None,
         memory,
         repeated: Work::default(),
         before: Work::default(),
@@ -67,6 +68,8 @@ struct Conductor {
     is_autonomous: bool,
     /// The digest of the state of the ranks; `None` if they have none yet.
     there: Option<u64>,
+    /// The time of the state to which they can go back, s; `None` if they keep none.
+    kept: Option<f64>,
     /// What the ranks must know beside their next state, if they have none.
     memory: StepperMemory,
     /// Work of steps that were repeated, less that of the member before the last restart.
@@ -207,6 +210,30 @@ impl Stepper for Conductor {
         }
         (self.there, self.memory) = (None, memory.clone());
         (self.repeated, self.before) = (Work::default(), self.partners.member().work());
+        Ok(())
+    }
+
+    fn keep(&mut self, state: &State) -> Result<bool, SolverError> {
+        if self.there != Some(digest(state)) {
+            self.hand_out(state)?;
+        }
+        let mut member = self.partners.member();
+        self.partners.command(Command::Keep);
+        member.keep();
+        self.kept = Some(state.t);
+        Ok(true)
+    }
+
+    fn go_back(&mut self, state: &mut State) -> Result<(), SolverError> {
+        state.t = self.kept.ok_or(SolverError::Memory { missing: "a state to go back to" })?;
+        let mut member = self.partners.member();
+        self.partners.command(Command::GoBack);
+        member.go_back();
+        let State { q: all_q, p: all_p, .. } = state;
+        self.collect(&member, |k, q, p| (all_q[k], all_p[k]) = (q, p));
+        let before = member.work();
+        drop(member);
+        (self.repeated, self.before, self.there) = (Work::default(), before, Some(digest(state)));
         Ok(())
     }
 

@@ -35,6 +35,8 @@ pub struct Member {
     reported: Vec<u32>,
     /// The free coordinates that it reports: those of the nodes whose gradient it reports.
     reported_free: Vec<u32>,
+    /// A copy of the state to go back to, and the place of the evaluator there.
+    kept: Option<(State, StepperMemory)>,
     /// The vectors for the highest frequency, while it is being found.
     lanczos: Option<Box<Lanczos>>,
     /// Its rows of the linear systems, if the ranks solve them together.
@@ -138,6 +140,7 @@ impl Member {
             is_complete,
             reported,
             reported_free,
+            kept: None,
             lanczos: None,
             rows,
             block,
@@ -170,6 +173,11 @@ impl Member {
                 }
             }
             Command::State => {
+                first(member.numbers(), 0);
+            }
+            Command::Keep => member.keep(),
+            Command::GoBack => {
+                member.go_back();
                 first(member.numbers(), 0);
             }
             Command::Energies { t } => {
@@ -232,10 +240,33 @@ impl Member {
             memory.arrays = vec![("forces.x".into(), x.to_vec()), ("forces.t".into(), vec![t])];
             memory.counts = vec![("forces.gradient".into(), u64::from(knows))];
         }
+        self.put_evaluator(&memory);
+    }
+
+    /// Places the evaluator where it was.
+    fn put_evaluator(&mut self, memory: &StepperMemory) {
         if let Task::Steps(stepper) = &mut self.task {
             // All entries are there, with the lengths of this portion.
-            let restored = stepper.restore_place(&memory);
+            let restored = stepper.restore_place(memory);
             debug_assert!(restored.is_ok(), "{restored:?}");
+        }
+    }
+
+    /// Keeps a copy of the state, with the place of the evaluator.
+    pub(crate) fn keep(&mut self) {
+        // Two copies would take much memory.
+        self.kept = None;
+        if let Task::Steps(stepper) = &self.task {
+            self.kept = Some((self.state.clone(), stepper.place()));
+        }
+    }
+
+    /// Goes back to the state that was kept last.
+    pub(crate) fn go_back(&mut self) {
+        if let Some((state, memory)) = self.kept.take() {
+            self.state.clone_from(&state);
+            self.put_evaluator(&memory);
+            self.kept = Some((state, memory));
         }
     }
 

@@ -51,6 +51,24 @@ pub trait Stepper: Send {
     /// factorisation that it requires.
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError>;
 
+    /// Keeps `state`, and what its next steps depend on, in the memory of other processes, in place of the state that it kept before.
+    /// Returns false and keeps nothing if there are none that could.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Memory`] if what it should remember does not belong to this scheme and system.
+    fn keep(&mut self, _state: &State) -> Result<bool, SolverError> {
+        Ok(false)
+    }
+
+    /// Goes back to the state that [`Stepper::keep`] kept; `state` becomes that state. As after [`Stepper::restore`], the run continues
+    /// from there bit for bit, and work counts start from zero.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Memory`] if it keeps none.
+    fn go_back(&mut self, _state: &mut State) -> Result<(), SolverError> {
+        Err(SolverError::Memory { missing: "a state to go back to" })
+    }
+
     /// Returns the linear solver of its steps and the reason for it; `None` before the first solve and for explicit
     /// schemes.
     fn linear_solver(&self) -> Option<&str> {

@@ -229,6 +229,53 @@ fn a_run_goes_on_with_any_number_of_ranks() {
     }
 }
 
+/// Ranks that keep a state themselves go back to it to the bits of one process that restores its own copy.
+#[test]
+fn ranks_go_back_to_the_state_that_they_keep() {
+    let go = |system: &System, stepper: &mut dyn Stepper, state: &mut State, count| {
+        stepper.steps(system, state, 0.02, count).unwrap();
+    };
+    let halves = |system: &System, stepper: &mut dyn Stepper, state: &mut State| {
+        for _ in 0..6 {
+            stepper.step(system, state, 0.01).unwrap();
+        }
+        (state.clone(), stepper.work(), stepper.memory())
+    };
+    for method in explicit() {
+        let place: Place<'_> = (&method, &clamped_block, PLAIN);
+        // From the start, and from a later state.
+        for before in [0, 5] {
+            let expected = alone(place, |system, stepper| {
+                let mut state = clamped_block().1;
+                (0..before).for_each(|_| go(system, stepper, &mut state, 2));
+                assert!(!stepper.keep(&state).unwrap());
+                let kept = (state.clone(), stepper.memory());
+                go(system, stepper, &mut state, 9);
+                state = kept.0;
+                stepper.restore(system, &kept.1).unwrap();
+                halves(system, stepper, &mut state)
+            });
+            for size in [1, 2, 4] {
+                let found = on_ranks(size, place, |system, stepper| {
+                    let mut state = clamped_block().1;
+                    assert!(stepper.go_back(&mut state).is_err(), "nothing is kept");
+                    (0..before).for_each(|_| go(system, stepper, &mut state, 2));
+                    assert!(stepper.keep(&state).unwrap());
+                    let kept = state.clone();
+                    // A state can be left more than once.
+                    for count in [3, 9] {
+                        go(system, stepper, &mut state, count);
+                        stepper.go_back(&mut state).unwrap();
+                        assert_eq!(state, kept);
+                    }
+                    halves(system, stepper, &mut state)
+                });
+                assert_eq!(found, expected, "{} on {size} ranks", method.name());
+            }
+        }
+    }
+}
+
 #[test]
 fn a_step_that_fails_on_one_rank_fails_as_in_one_process() {
     let mut start = clamped_block().1;

@@ -77,6 +77,13 @@ impl KickDrift {
         self.evaluator.restore(memory)
     }
 
+    /// Returns the place of the evaluator, for [`KickDrift::restore_place`].
+    pub(crate) fn place(&self) -> StepperMemory {
+        let mut memory = StepperMemory::default();
+        self.evaluator.save(&mut memory);
+        memory
+    }
+
     /// Returns the time of the last evaluation, s, and whether its gradient is known, if there was one.
     pub(crate) fn evaluated(&self) -> Option<(f64, bool)> {
         let evaluator = &self.evaluator;
