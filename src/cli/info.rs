@@ -233,6 +233,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
     let components = simulation.components();
     let body = |body: &crate::model::BodyModel| {
         let nodes = body.node_offset..body.node_offset + body.mesh.points.len();
+        let mass = components[body.component].system().mass();
         let material = |part: &crate::model::MaterialPart| MaterialFacts {
             law: part.law.name(),
             region: part.region.clone(),
@@ -250,7 +251,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
             name: body.name.clone(),
             nodes: body.mesh.points.len(),
             elements: body.element_count(),
-            mass: nodes.map(|node| components[body.component].system().mass()[3 * node]).sum(),
+            mass: nodes.map(|node| mass[3 * node]).sum(),
             system: body.component,
             materials: body.materials.iter().map(material).collect(),
             regions: body.mesh.regions.iter().map(region).collect(),

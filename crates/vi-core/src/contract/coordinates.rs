@@ -211,14 +211,14 @@ impl Coordinates {
         self.axes.to_own(covector);
     }
 
-    /// Returns the lumped mass of the free coordinates from that of every coordinate, kg.
-    pub(crate) fn free_mass(&self, mass: &[f64]) -> Result<Vec<f64>, CoreError> {
-        let of_free = |mass: &[f64]| self.free.iter().map(|&dof| mass[dof as usize]).collect();
-        let Some(tied) = &self.combinations else { return Ok(of_free(mass)) };
+    /// Returns the lumped mass of the free coordinates from that of every coordinate, kg; `None` if no node is tied, so that each
+    /// coordinate has its own.
+    pub(crate) fn tied_mass(&self, mass: &[f64]) -> Result<Option<Vec<f64>>, CoreError> {
+        let Some(tied) = &self.combinations else { return Ok(None) };
         let mut pulled = mass.to_vec();
         let is_free = |node: u32| (0..3).any(|k| self.free.binary_search(&(3 * node + k)).is_ok());
         tied.pull_back_mass(&mut pulled, is_free)?;
-        Ok(of_free(&pulled))
+        Ok(Some(self.free.iter().map(|&dof| pulled[dof as usize]).collect()))
     }
 
     /// Returns a copy in which all prescribed coordinates are zero at all times.

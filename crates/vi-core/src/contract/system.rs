@@ -1,5 +1,6 @@
 //! A Lagrangian system L = T − V and its state (q, p).
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
@@ -21,15 +22,40 @@ use crate::error::CoreError;
 /// are listed separately: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose multipliers add
 /// −(∂g/∂q)ᵀλ.
 pub struct System {
-    mass: Vec<f64>,
-    /// The mass of the free coordinates; `None` if it is that of all.
-    free_mass: Option<Vec<f64>>,
+    /// The lumped mass of the free coordinates, kg.
+    free_mass: Vec<f64>,
+    other_mass: OtherMass,
     /// V.
     potential: Terms,
     /// T as a function of the velocities of all coordinates, if the mass is consistent.
     kinetic: Option<Terms>,
     forces: Vec<Arc<dyn Force>>,
     constraints: Vec<QuadraticConstraint>,
+}
+
+/// What is known of the lumped mass beside that of the free coordinates, kg. A number is in memory once: on the first of several
+/// processes those of all nodes take a sixth of what it keeps of the whole body.
+#[derive(Clone)]
+enum OtherMass {
+    /// That of the other coordinates, ascending.
+    OfOthers(Vec<f64>),
+    /// That of all coordinates, because free ones carry the mass of tied ones.
+    OfAll(Vec<f64>),
+}
+
+/// Parts the masses of all coordinates into those of the free ones and of the others.
+fn parted(mut mass: Vec<f64>, free: &[u32]) -> (Vec<f64>, Vec<f64>) {
+    let (mut others, mut is_free) = (Vec::new(), free.iter().peekable());
+    for dof in 0..mass.len() {
+        if is_free.next_if(|&&free| free as usize == dof).is_none() {
+            others.push(mass[dof]);
+        }
+    }
+    // Free coordinates ascend, so that none is overwritten before it is read.
+    (0..).zip(free).for_each(|(k, &dof): (usize, _)| mass[k] = mass[dof as usize]);
+    mass.truncate(free.len());
+    mass.shrink_to_fit();
+    (mass, others)
 }
 
 impl System {
@@ -46,9 +72,14 @@ impl System {
         if mass.len() != count {
             return Err(CoreError::Length { what: "mass", expected: count, found: mass.len() });
         }
-        let are_all_free = coordinates.free_count() == count;
-        let free_mass = if are_all_free { None } else { Some(coordinates.free_mass(&mass)?) };
-        for (&dof, &value) in coordinates.free().iter().zip(free_mass.as_ref().unwrap_or(&mass)) {
+        let (free_mass, other_mass) = match coordinates.tied_mass(&mass)? {
+            Some(free) => (free, OtherMass::OfAll(mass)),
+            None => {
+                let (free, others) = parted(mass, coordinates.free());
+                (free, OtherMass::OfOthers(others))
+            }
+        };
+        for (&dof, &value) in coordinates.free().iter().zip(&free_mass) {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(CoreError::Mass { dof: dof as usize, mass: value });
             }
@@ -56,7 +87,7 @@ impl System {
         let potentials = potentials.into_iter().map(Arc::from).collect();
         let potential = Terms::new(Arc::new(coordinates), potentials)?;
         let (forces, constraints) = (Vec::new(), Vec::new());
-        Ok(Self { mass, free_mass, potential, kinetic: None, forces, constraints })
+        Ok(Self { free_mass, other_mass, potential, kinetic: None, forces, constraints })
     }
 
     /// Adds potentials to the system.
@@ -94,11 +125,11 @@ impl System {
     /// Returns a system with the same coordinates and lumped mass, without potentials, forces and constraints.
     #[must_use]
     pub fn without_terms(&self) -> Self {
-        let Self { mass, free_mass, .. } = self;
+        let Self { free_mass, other_mass, .. } = self;
         let coordinates = Arc::clone(self.potential.shared_coordinates());
         Self {
-            mass: mass.clone(),
             free_mass: free_mass.clone(),
+            other_mass: other_mass.clone(),
             potential: Terms::of_nothing(coordinates),
             kinetic: None,
             forces: Vec::new(),
@@ -147,7 +178,7 @@ impl System {
     /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
     pub fn with_forces(mut self, forces: Vec<Arc<dyn Force>>) -> Result<Self, CoreError> {
         for force in &forces {
-            check_stencils(force.name(), force.stencils(), self.mass.len())?;
+            check_stencils(force.name(), force.stencils(), self.coordinates().dof_count())?;
         }
         self.forces = forces;
         Ok(self)
@@ -175,13 +206,27 @@ impl System {
     }
 
     /// Returns the lumped mass of every coordinate x_i, kg. Tied nodes still have their own mass here.
-    pub fn mass(&self) -> &[f64] {
-        &self.mass
+    /// If coordinates are prescribed, every call makes the list.
+    pub fn mass(&self) -> Cow<'_, [f64]> {
+        match &self.other_mass {
+            OtherMass::OfAll(all) => Cow::Borrowed(all),
+            OtherMass::OfOthers(others) if others.is_empty() => Cow::Borrowed(&self.free_mass),
+            OtherMass::OfOthers(others) => {
+                let (mut free, mut of_free) =
+                    (self.coordinates().free().iter().peekable(), self.free_mass.iter());
+                let mut others = others.iter();
+                let mass = |dof: u32| match free.next_if_eq(&&dof) {
+                    Some(_) => of_free.next(),
+                    None => others.next(),
+                };
+                (0..self.coordinates().dof_count() as u32).filter_map(mass).copied().collect()
+            }
+        }
     }
 
     /// Returns the lumped mass of every free coordinate q_k, kg: the diagonal of M, unless the mass is consistent.
     pub fn free_mass(&self) -> &[f64] {
-        self.free_mass.as_ref().unwrap_or(&self.mass)
+        &self.free_mass
     }
 
     /// Returns V as a sum of terms.
@@ -257,7 +302,7 @@ impl System {
     pub fn dense_mass(&self) -> DMatrix<f64> {
         match &self.kinetic {
             Some(kinetic) => {
-                let full = dense::hessian(kinetic, &vec![0.0; self.mass.len()], 0.0);
+                let full = dense::hessian(kinetic, &vec![0.0; self.coordinates().dof_count()], 0.0);
                 let free = self.coordinates().free();
                 DMatrix::from_fn(free.len(), free.len(), |i, j| full[(free[i] as usize, free[j] as usize)])
             }
