@@ -91,7 +91,9 @@ impl Results {
 fn largest_displacement(simulation: &Simulation) -> Option<Peak> {
     let mut largest: Option<Peak> = None;
     for (number, body) in simulation.bodies().iter().enumerate() {
-        for (node, (x, rest)) in simulation.positions(number).iter().zip(&body.mesh.points).enumerate() {
+        let places = simulation.places(number);
+        for (node, rest) in body.mesh.points.iter().enumerate() {
+            let x = places.of(node);
             let value = (0..3).map(|k| (x[k] - rest[k]).powi(2)).sum::<f64>().sqrt();
             if value > largest.as_ref().map_or(0.0, |peak| peak.value) {
                 let (body, position) = (body.name.clone(), *rest);
@@ -128,11 +130,11 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         of_nodes.extend(nodes.iter().map(|&node| (node, [[0.0; 3]; 2])));
     }
     for (&body, of_nodes) in &mut of_body {
-        let held = simulation.reactions(body);
-        of_nodes.iter_mut().for_each(|(&node, [_, of_node])| *of_node = held[node as usize]);
+        let held = simulation.supports(body);
+        of_nodes.iter_mut().for_each(|(&node, [_, of_node])| *of_node = held.of(node as usize));
         drop(held);
-        let x = simulation.positions(body);
-        of_nodes.iter_mut().for_each(|(&node, [of_node, _])| *of_node = x[node as usize]);
+        let x = simulation.places(body);
+        of_nodes.iter_mut().for_each(|(&node, [of_node, _])| *of_node = x.of(node as usize));
     }
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();

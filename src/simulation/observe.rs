@@ -8,7 +8,7 @@ use vi_solvers::{Assembler, SolverError};
 
 use super::contact::ContactTotals;
 use super::{Component, ContactFacts, Simulation};
-use crate::model::{Pose, ProbeTarget, RigidModel};
+use crate::model::{BodyModel, Pose, ProbeTarget, RigidModel};
 
 /// Position and displacement of a probe, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +58,24 @@ impl Observation {
     /// Returns the total energy, J.
     pub fn total(&self) -> f64 {
         self.kinetic + self.elastic + self.gravity + self.load + self.contact
+    }
+}
+
+/// Vectors at the nodes of a body.
+pub(crate) struct OfNodes<'a> {
+    body: &'a BodyModel,
+    /// Those of all nodes of its component.
+    all: Vec<f64>,
+}
+
+impl OfNodes<'_> {
+    /// Returns the vector of a node of the body's mesh.
+    pub(crate) fn of(&self, node: usize) -> [f64; 3] {
+        self.all.as_chunks::<3>().0[self.body.node(node)]
+    }
+
+    fn to_vec(&self) -> Vec<[f64; 3]> {
+        (0..self.body.mesh.points.len()).map(|node| self.of(node)).collect()
     }
 }
 
@@ -179,7 +197,12 @@ impl Simulation {
 
     /// Returns the positions of the nodes of body number `body`, m.
     pub fn positions(&self, body: usize) -> Vec<[f64; 3]> {
-        self.nodal(body, |component| component.system.positions(&component.state))
+        self.places(body).to_vec()
+    }
+
+    /// Returns the same positions in the numbering of the component, without a copy in that of the body.
+    pub(crate) fn places(&self, body: usize) -> OfNodes<'_> {
+        self.of_nodes(body, |component| component.system.positions(&component.state))
     }
 
     /// Returns the velocities of the nodes of body number `body`, m/s.
@@ -207,7 +230,12 @@ impl Simulation {
 
     /// Returns the reaction forces at the prescribed coordinates of body number `body`, N; zero elsewhere.
     pub fn reactions(&self, body: usize) -> Vec<[f64; 3]> {
-        self.nodal(body, |component| vi_solvers::reactions(&component.system, &component.state))
+        self.supports(body).to_vec()
+    }
+
+    /// Returns the same reactions in the numbering of the component, without a copy in that of the body.
+    pub(crate) fn supports(&self, body: usize) -> OfNodes<'_> {
+        self.of_nodes(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
     /// Returns the accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) at free coordinates, and
@@ -230,7 +258,8 @@ impl Simulation {
 
     /// Calls `see` with these values of some elements after the other.
     pub(crate) fn each_element_value(&self, body: usize, field: ElementField, mut see: impl FnMut(&[f64])) {
-        let (x, body) = (self.positions(body), &self.bodies[body]);
+        let (x, body) = (self.places(body), &self.bodies[body]);
+        let whole = if body.far.is_none() { x.to_vec() } else { Vec::new() };
         // These cells were accepted as solid elements of this mesh when the body was built.
         let mut enter = |mesh: &Mesh, elements: &[u32], law: &Law, x: &[[f64; 3]]| {
             if let Ok(part) = element_field(mesh, elements, law, body.locking, x.as_flattened(), field) {
@@ -239,22 +268,24 @@ impl Simulation {
         };
         for (elements, law) in body.solids() {
             let Some(far) = &body.far else {
-                enter(&body.mesh, elements, law, &x);
+                enter(&body.mesh, elements, law, &whole);
                 continue;
             };
             for range in far.ranges() {
                 let all: Vec<u32> = (0..range.len() as u32).collect();
                 let Window { mesh, nodes } = far.window(range, |node| body.mesh.points[node as usize]);
-                let of_window: Vec<[f64; 3]> = nodes.iter().map(|&node| x[node as usize]).collect();
+                let of_window: Vec<[f64; 3]> = nodes.iter().map(|&node| x.of(node as usize)).collect();
                 enter(&mesh, &all, law, &of_window);
             }
         }
     }
 
     fn nodal(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> Vec<[f64; 3]> {
+        self.of_nodes(body, values).to_vec()
+    }
+
+    fn of_nodes(&self, body: usize, values: impl Fn(&Component) -> Vec<f64>) -> OfNodes<'_> {
         let body = &self.bodies[body];
-        let all = values(&self.components[body.component]);
-        let (all, _) = all.as_chunks::<3>();
-        (0..body.mesh.points.len()).map(|node| all[body.node(node)]).collect()
+        OfNodes { body, all: values(&self.components[body.component]) }
     }
 }

@@ -12,8 +12,8 @@ pub trait SharedTerms: Send + Sync {
     /// sums. Affine terms and runs without a free coordinate are left out.
     fn energies(&self, x: &[f64], t: f64) -> Vec<RunEnergy>;
 
-    /// Writes ∂V/∂x of every coordinate, N.
-    fn gradient(&self, x: &[f64], t: f64, out: &mut [f64]);
+    /// Replaces the positions `x` (m, all coordinates) by ∂V/∂x at time t (s) of every coordinate, N.
+    fn gradient(&self, x: &mut [f64], t: f64);
 
     /// Returns the first stencil without a finite energy or gradient that a rank sums: index of the term, and stencil.
     fn first_fault(&self, x: &[f64], t: f64) -> Option<(usize, usize)>;

@@ -69,6 +69,17 @@ impl Assembler {
         }
     }
 
+    /// Replaces the positions x by ∂V/∂x as [`Assembler::gradient`] writes it. If several processes sum the terms, this needs no
+    /// more memory.
+    pub(crate) fn replace_by_gradient(&mut self, x: &mut [f64], t: f64) {
+        if self.live.is_some() {
+            let at = x.to_vec();
+            self.gradient(&at, t, x);
+        } else {
+            self.fixed.replace_by_gradient(x, t);
+        }
+    }
+
     /// Performs the first phase of [`Assembler::gradient`] for lists without live terms. The caller then sums over
     /// nodes by [`Assembler::gather`].
     pub(crate) fn sum_chunks(&mut self, x: &[f64], t: f64) {

@@ -104,12 +104,32 @@ impl FixedSum {
 
     /// Writes ∂V/∂x of every coordinate, N, pulled back from tied nodes.
     pub(crate) fn gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
-        self.work.gradients += 1;
         match &mut self.gradient {
-            GradientSum::Here(gather) => gather.gradient(&self.terms, x, t, out),
-            GradientSum::Shared(shared) => shared.gradient(x, t, out),
+            GradientSum::Here(gather) => {
+                self.work.gradients += 1;
+                gather.gradient(&self.terms, x, t, out);
+                self.terms.coordinates().pull_back(out);
+            }
+            GradientSum::Shared(_) => {
+                out.copy_from_slice(x);
+                self.replace_by_gradient(out, t);
+            }
         }
-        self.terms.coordinates().pull_back(out);
+    }
+
+    /// Replaces x by ∂V/∂x as [`FixedSum::gradient`] writes it; with the terms of several processes in the same memory.
+    pub(crate) fn replace_by_gradient(&mut self, x: &mut [f64], t: f64) {
+        match &self.gradient {
+            GradientSum::Here(_) => {
+                let at = x.to_vec();
+                self.gradient(&at, t, x);
+            }
+            GradientSum::Shared(shared) => {
+                self.work.gradients += 1;
+                shared.gradient(x, t);
+                self.terms.coordinates().pull_back(x);
+            }
+        }
     }
 
     /// Performs the first phase of [`FixedSum::gradient`]; the caller then sums over nodes by [`FixedSum::gather`].

@@ -82,11 +82,10 @@ pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
 /// that do not accelerate, plus the inertia that consistent mass transfers to them, M_pf q̈; zero at free
 /// coordinates.
 pub fn reactions(system: &System, state: &State) -> Vec<f64> {
-    let x = system.positions(state);
-    let mut out = vec![0.0; x.len()];
-    Assembler::new(system).gradient(&x, state.t, &mut out);
+    let mut out = system.positions(state);
+    Assembler::new(system).replace_by_gradient(&mut out, state.t);
     if let Some(mut forces) = ForceSum::new(system) {
-        forces.evaluate(&x, &system.velocities(state), state.t);
+        forces.evaluate(&system.positions(state), &system.velocities(state), state.t);
         for (dof, out) in out.iter_mut().enumerate() {
             *out -= forces.total(dof);
         }
@@ -94,7 +93,7 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     if let Some(kinetic) = system.kinetic() {
         let free = system.coordinates().free();
         let force: Vec<f64> = free.iter().map(|&dof| -out[dof as usize]).collect();
-        let (mut acceleration, mut inertial) = (vec![0.0; x.len()], vec![0.0; x.len()]);
+        let (mut acceleration, mut inertial) = (vec![0.0; out.len()], vec![0.0; out.len()]);
         kinetic.coordinates().embed(&system.velocity(&force), state.t, &mut acceleration);
         Assembler::new(kinetic).gradient(&acceleration, 0.0, &mut inertial);
         out.iter_mut().zip(&inertial).for_each(|(out, inertial)| *out += inertial);

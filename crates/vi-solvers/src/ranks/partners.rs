@@ -140,13 +140,14 @@ impl SharedTerms for Partners {
         self.layout.runs.iter().zip(sums).flat_map(|(runs, sums)| runs.iter().zip(sums).map(run)).collect()
     }
 
-    fn gradient(&self, x: &[f64], t: f64, out: &mut [f64]) {
+    fn gradient(&self, x: &mut [f64], t: f64) {
         let mut member = self.member();
         self.command(Command::Gradient { t });
         let own = self.hand_out(x);
         let own = member.gradient(&own, t);
+        // Every coordinate is reported by one rank.
         let mut enter = |held: &Held, values: &[f64]| {
-            held.reported_dofs().zip(values).for_each(|(dof, &value)| out[dof] = value);
+            held.reported_dofs().zip(values).for_each(|(dof, &value)| x[dof] = value);
         };
         enter(&self.held()[0], &own);
         self.receive(self.held(), Held::reported_count, enter);

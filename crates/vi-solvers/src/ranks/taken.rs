@@ -88,9 +88,10 @@ impl Taken {
             Some(part_runs) => Division::of_part(&gather, terms, part_runs, exchange.size()),
             None => Division::new(&gather, exchange.size()),
         };
-        let base = gather.base(terms, &whole.positions(start), start.t);
-        let Share { gather: own, terms: portions, spans } =
-            division.portion(&gather, base.as_deref(), Arc::clone(exchange));
+        let Share { gather: own, terms: portions, spans } = {
+            let base = gather.base(terms, &whole.positions(start), start.t);
+            division.portion(&gather, base.as_deref(), Arc::clone(exchange))
+        };
         let runs = division.runs(&gather);
         drop(gather);
         let rank = exchange.rank();
