@@ -5,7 +5,7 @@ mod launch;
 
 use std::path::Path;
 
-use launch::{room, run, scene, text};
+use launch::{program, room, run, scene, text, to_run};
 
 /// A block of 41 472 tetrahedra that bends under its weight.
 const BENDS: &str = r#"
@@ -151,6 +151,21 @@ fn equilibria_agree_with_pcg_in_few_iterations() {
 #[test]
 fn large_implicit_steps_agree_with_pcg() {
     agrees_with_pcg("petsc-steps", ROLLS, 15.0);
+}
+
+/// PETSc reads its options from PETSC_OPTIONS: another preconditioner takes the place of the default, and PETSc shows it.
+#[test]
+fn options_of_petsc_are_read_from_the_environment() {
+    let room = room("petsc-options");
+    let (path, out) = (scene(&room, BENDS), room.join("out"));
+    let mut command = program(1);
+    let output =
+        to_run(command.env("PETSC_OPTIONS", "-pc_type jacobi -ksp_view"), &path, &out).output().unwrap();
+    assert!(output.status.success(), "{}", text(&output.stderr));
+    let view = text(&output.stdout);
+    assert!(view.contains("type: jacobi") && !view.contains("type: gamg"), "{view}");
+    // Multigrid needs less than 15.
+    assert!(number(&out, "pcg_iterations") / number(&out, "solves") > 50.0);
 }
 
 /// The equilibria of a column that buckles under its weight have indefinite tangents on the way. PETSc says so, and our own
