@@ -133,7 +133,11 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     }
     .max(LEAST_BUDGET);
     let allowed = explicit_seconds.map_or(f64::INFINITY, |seconds| IMPLICIT_SHARE * seconds);
-    let mut candidates = search.implicit(allowed.min(search.left()))?;
+    let mut candidates = match scene.solver.mass {
+        // The scene asks for explicit steps.
+        Some(MassKind::Filtered) => Vec::new(),
+        _ => search.implicit(allowed.min(search.left()))?,
+    };
     let measured = candidates.iter().filter(|candidate| candidate.measured);
     let cheapest = measured.map(|candidate| candidate.predicted_seconds).fold(f64::INFINITY, f64::min);
     if let Some(seconds) = explicit_seconds.filter(|seconds| *seconds < cheapest) {

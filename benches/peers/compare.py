@@ -30,6 +30,8 @@ def plan(n):
     runs = []
     for factor in [0.99, 1.1, 2.0]:
         runs.append(("variational", "stormer-verlet", round(factor * limit)))
+    for factor in [0.445, 0.5]:
+        runs.append(("variational", "stormer-verlet filtered", round(factor * limit)))
     for factor in [0.4, 0.45, 0.5, 0.6, 0.75]:
         runs.append(("variational", "blanes-moan-4", round(factor * limit)))
     for factor in [0.3, 0.5]:

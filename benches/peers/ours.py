@@ -27,6 +27,7 @@ body = "block"
 box = {{ min = [-1e-9, -1.0, -1.0], max = [1e-9, 1.0, 1.0] }}
 [solver]
 tolerance = {tolerance!r}
+{mass}
 [output]
 interval = {end!r}
 history = 0
@@ -41,10 +42,12 @@ class Failed(RuntimeError):
 
 
 def _run(directory, n, law, scheme, steps, threads, tolerance, end):
+    # The second word of a setting is the number of stages, or the mass.
     scheme, _, stages = scheme.partition(" ")
+    mass, stages = (f'mass = "{stages}"', "") if stages == "filtered" else ("", stages)
     text = SCENE.format(
         end=end, step=1.0 / steps, scheme=scheme, stages=f"stages = {stages}" if stages else "",
-        cells=4 * n, n=n, law=law, tolerance=tolerance,
+        cells=4 * n, n=n, law=law, tolerance=tolerance, mass=mass,
     )
     scene, out = directory / "p1.toml", directory / "out"
     scene.write_text(text)

@@ -756,13 +756,13 @@ class Seam(TypedDict, total=False):
 
 LinearChoice = Union[Literal['auto'], Literal['cholesky'], Literal['cholesky-double'], Literal['pcg'], Literal['petsc']]
 
-MassKind = Union[Literal['lumped'], Literal['consistent']]
+MassKind = Union[Literal['lumped'], Literal['consistent'], Literal['filtered']]
 
 class Solver(TypedDict, total=False):
     linear: LinearChoice
     """The linear solver."""
     mass: Union[MassKind, None]
-    """The mass matrix of deformable bodies: 'lumped' or 'consistent' (implicit schemes only). The default is lumped for motion and consistent for `variational modes`."""
+    """The mass matrix of deformable bodies: 'lumped', 'consistent' (implicit schemes only) or 'filtered' (explicit schemes only). The default is lumped for motion and consistent for `variational modes`."""
     tolerance: float
     """Relative tolerance of every implicit solve in the energy norm, 1e-14 to 1e-1 (default 1e-6); 1e-14 means: to round-off."""
 

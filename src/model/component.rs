@@ -10,7 +10,7 @@ use vi_fem::{Gravity, Tie};
 
 use super::prescribe::{NodalFix, coordinates};
 use super::{periodic, rigid, ties};
-use crate::scene::{Problem, Scene};
+use crate::scene::{MassKind, Problem, Scene};
 
 /// A component under construction.
 #[derive(Default)]
@@ -125,7 +125,10 @@ impl ComponentBuilder {
         fixes: &[NodalFix],
     ) -> Result<(System, State), Problem> {
         let followers = self.tie_periodic()?;
-        // Nodes at rest are not needed any more. Large arrays are dropped one by one: this is where a component needs most memory.
+        // Large arrays are dropped one by one: this is where a component needs most memory. Only a filter still needs nodes
+        // at rest.
+        let is_filtered = scene.solver.mass == Some(MassKind::Filtered);
+        let rest = if is_filtered { std::mem::take(&mut self.rest) } else { Vec::new() };
         self.rest = Vec::new();
         let coordinates = coordinates(fixes, self.prescribed, &followers, &self.x)?;
         let coordinates = if self.ties.is_empty() && self.directors.is_empty() {
@@ -156,10 +159,19 @@ impl ComponentBuilder {
             .map_err(|error| Problem::new("body", error.to_string()))?
             .with_consistent_mass(self.kinetic)
             .map_err(|error| Problem::new("solver.mass", error.to_string()))?;
+        let moves = system.coordinates().free_count() > 0;
+        let system = if is_filtered && moves { filtered(system, rest.as_flattened())? } else { system };
         let mut state =
             system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
         vi_solvers::make_tangent(&system, &mut state)
             .map_err(|error| Problem::new("joint", error.to_string()))?;
         Ok((system, state))
     }
+}
+
+/// Returns the system with the filter of its mass, for nodes at rest at `x`.
+fn filtered(system: System, x: &[f64]) -> Result<System, Problem> {
+    let filter = vi_solvers::mass_filter(&system, x)
+        .map_err(|error| Problem::new("solver.mass", error.to_string()))?;
+    system.with_filter(filter).map_err(|error| Problem::new("solver.mass", error.to_string()))
 }

@@ -89,9 +89,14 @@ fn system(text: &mut String, component: &Component, is_explicit: bool) {
     let coordinates = system.coordinates();
     let (all, free) = (coordinates.dof_count(), coordinates.free_count());
     let _ = writeln!(text, "  coordinates: {all}, of which {free} free; prescribed ones are eliminated");
-    let _ = match system.kinetic() {
-        None => writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64)),
-        Some(kinetic) => {
+    let _ = match (system.kinetic(), system.filter()) {
+        (None, Some(filter)) => writeln!(
+            text,
+            "  mass: {free} numbers (lumped), whose inverse is filtered by two products with {} weights per drift",
+            filter.entries()
+        ),
+        (None, None) => writeln!(text, "  mass: {free} numbers (lumped), {}", bytes(8 * free as u64)),
+        (Some(kinetic), _) => {
             let stencils: usize = kinetic.fixed().iter().map(|term| term.stencils().count()).sum();
             writeln!(text, "  mass: a matrix summed from {stencils} elements (consistent), made once")
         }

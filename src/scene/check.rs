@@ -132,6 +132,9 @@ fn time(check: &mut Checker, scene: &Scene) {
              implicit (implicit-midpoint, gauss, energy-momentum), or remove `mass`",
         );
     }
+    if scene.solver.mass == Some(MassKind::Filtered) {
+        filtered_mass(check, scene);
+    }
     if scene.solver.linear == LinearChoice::Petsc
         && time.scheme == Some(SchemeName::Auto)
         && scene.statics.is_none()
@@ -144,6 +147,26 @@ fn time(check: &mut Checker, scene: &Scene) {
     let tolerance = scene.solver.tolerance;
     if !(1e-14..=0.1).contains(&tolerance) {
         check.say("solver.tolerance", format!("must be 1e-14 (to round-off) to 0.1, is {tolerance:e}"));
+    }
+}
+
+/// Adds the problems of a filtered mass.
+fn filtered_mass(check: &mut Checker, scene: &Scene) {
+    let without = [
+        (scene.statics.is_some(), "[static] moves no mass: remove `mass`"),
+        (
+            scene.time.method().is_some_and(|method| !method.facts().is_explicit),
+            "\"filtered\" lengthens explicit steps, and implicit ones have no limit: make `time.scheme` explicit \
+             (\"stormer-verlet\", \"blanes-moan-4\"), or remove `mass`",
+        ),
+        (scene.contact.is_some(), "\"filtered\" is not possible with [contact]: remove `mass`"),
+        (scene.wind.is_some(), "\"filtered\" is not possible with [wind]: remove `mass`"),
+        (scene.damping.is_some(), "\"filtered\" is not possible with [damping]: remove `mass`"),
+        (!scene.periodics.is_empty(), "\"filtered\" is not possible with [[periodic]]: remove `mass`"),
+        (!scene.rigids.is_empty(), "\"filtered\" is not possible with rigid bodies: remove `mass`"),
+    ];
+    for (_, message) in without.into_iter().filter(|(is_so, _)| *is_so) {
+        check.say("solver.mass", message);
     }
 }
 

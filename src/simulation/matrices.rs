@@ -68,8 +68,12 @@ impl Matrices {
     /// Computes the matrices of a system at a state.
     ///
     /// # Errors
-    /// Returns an error if the terms cannot be assembled into one matrix.
+    /// Returns an error if the terms cannot be assembled into one matrix, or the mass is filtered: only its inverse is
+    /// sparse.
     pub fn new(system: &System, state: &State) -> Result<Self, SolverError> {
+        if system.filter().is_some() {
+            return Err(SolverError::FilteredMass { what: "matrices (only its inverse is sparse)".into() });
+        }
         let hessian = |terms: &Terms, x: &[f64], t: f64| {
             let mut assembler = Assembler::new(terms);
             assembler.hessian(x, t, HessianEvaluation::Exact).map(LowerTriangle::of)

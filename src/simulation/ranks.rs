@@ -11,7 +11,7 @@ use super::needs::{keeps_ledger, method_of, problem_of_ranks};
 use crate::model::parted::runs;
 use crate::model::parts::{Runs, build_parts, is_separable, of_parted_meshes};
 use crate::model::{self, BodyModel, Holding, Share};
-use crate::scene::{GuardAction, LinearChoice, Problem, Scene};
+use crate::scene::{GuardAction, LinearChoice, MassKind, Problem, Scene};
 
 /// The ranks of a run, and what they exchange.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -35,6 +35,11 @@ pub(crate) fn problems_of_ranks(scene: &Scene) -> Vec<Problem> {
             switches,
             "guard.action",
             "a change of the scheme is not sent to other ranks: use \"halve\" or \"stop\"",
+        ),
+        (
+            scene.solver.mass == Some(MassKind::Filtered),
+            "solver.mass",
+            "the filter is a matrix of the whole system, which ranks do not share",
         ),
     ];
     let refused = refused.into_iter().filter(|(is_asked, ..)| *is_asked);

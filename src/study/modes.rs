@@ -45,7 +45,7 @@ pub fn scene_modes(
         }
     }
     let fail = |error: String| RunError::Scene(vec![Problem::new("modes", error)]);
-    let mass = simulation.scene().solver.mass.unwrap_or(mass);
+    let mass = of_scene(simulation.scene()).unwrap_or(mass);
     let mut found = SceneModes { modes: Vec::new(), free_mass: [0.0; 3] };
     for (number, component) in simulation.components().iter().enumerate() {
         let (system, state) = (component.system(), component.state());
@@ -69,6 +69,11 @@ pub fn scene_modes(
     Ok(found)
 }
 
+/// Returns the mass of the modes of a scene, if it names one. A filter of the mass belongs to the motion alone.
+fn of_scene(scene: &Scene) -> Option<MassKind> {
+    scene.solver.mass.filter(|mass| *mass != MassKind::Filtered)
+}
+
 /// Writes `modes.csv`, `modes.json`, `modes.svg` and, for each mode, `<name>_mode_000.vtu` with its shape as
 /// `displacement`; its largest vector is a tenth of the largest extent of the vibrating bodies. `<name>_modes.pvd` is
 /// a series of these files with the frequency as time. Existing tables of another scene are renamed to
@@ -84,9 +89,9 @@ pub fn write_modes(
     mass: Option<MassKind>,
 ) -> Result<ModesReport, RunError> {
     let mut scene = scene;
-    let wanted = mass.or(scene.solver.mass).unwrap_or(MassKind::Consistent);
+    let wanted = mass.or(of_scene(&scene)).unwrap_or(MassKind::Consistent);
     // The motion may require lumped mass even if the modes do not.
-    if scene.solver.mass != Some(MassKind::Consistent) || wanted == MassKind::Lumped {
+    if of_scene(&scene) != Some(MassKind::Consistent) || wanted == MassKind::Lumped {
         scene.solver.mass = (wanted == MassKind::Lumped).then_some(MassKind::Lumped);
     }
     let mut simulation = Simulation::new(stand_in(&scene)).map_err(RunError::Scene)?;

@@ -52,7 +52,7 @@ fn dispersion(mode: usize, mass: MassKind) -> (f64, f64) {
     let (kappa, n) = ((2 * mode - 1) as f64 * PI / (2 * CELLS) as f64, CELLS as f64);
     let square = match mass {
         MassKind::Consistent => 6.0 * (1.0 - kappa.cos()) / (2.0 + kappa.cos()),
-        MassKind::Lumped => 2.0 * (1.0 - kappa.cos()),
+        MassKind::Lumped | MassKind::Filtered => 2.0 * (1.0 - kappa.cos()),
     };
     (n * square.sqrt(), n * kappa)
 }

@@ -9,6 +9,7 @@ mod contact_planes;
 mod contact_scenes;
 mod contact_statics;
 mod equilibria;
+mod filtered_mass;
 mod parts;
 mod paths;
 #[path = "../program/mod.rs"]

@@ -10,6 +10,7 @@ pub(crate) mod discrete_gradient;
 pub(crate) mod disjoint_sets;
 pub(crate) mod elsewhere;
 pub(crate) mod exchange;
+pub(crate) mod filter;
 pub(crate) mod force;
 pub(crate) mod inertia;
 pub(crate) mod ledger;

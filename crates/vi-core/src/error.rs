@@ -30,6 +30,12 @@ pub enum CoreError {
         /// Reason.
         reason: &'static str,
     },
+    /// The mass cannot be filtered.
+    #[error("mass cannot be filtered here: {reason}; use lumped mass instead")]
+    FilteredMass {
+        /// Reason.
+        reason: &'static str,
+    },
     /// A coordinate does not exist, or is given twice.
     #[error("{what}: coordinate {dof} is out of range or given twice (there are {count})")]
     Coordinate {

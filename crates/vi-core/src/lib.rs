@@ -14,6 +14,7 @@ pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOut
 pub use contract::disjoint_sets::DisjointSets;
 pub use contract::elsewhere::Elsewhere;
 pub use contract::exchange::{Alone, Exchange, Message, ThreadRank, Traffic, runs_of_ranks};
+pub use contract::filter::{Link, MassFilter};
 pub use contract::force::{Force, ForceAccount};
 pub use contract::inertia::solve_mass;
 pub use contract::ledger::{EnergyLedger, StepEnergy};

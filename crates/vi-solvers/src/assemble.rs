@@ -4,6 +4,7 @@
 pub(crate) mod assembler;
 pub(crate) mod energy;
 pub(crate) mod evaluator;
+pub(crate) mod filtered;
 pub(crate) mod finite;
 pub(crate) mod fixed;
 pub(crate) mod force_sum;
@@ -11,6 +12,7 @@ pub(crate) mod free_path;
 pub(crate) mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
+pub(crate) mod links;
 pub(crate) mod live;
 pub(crate) mod pairs;
 pub(crate) mod passage;

@@ -282,6 +282,12 @@ pub enum SolverError {
         /// The schemes that accept consistent mass.
         schemes: Box<str>,
     },
+    /// Something does not run with a filtered mass.
+    #[error("filtered mass does not run with {what}; remove it, or use lumped mass")]
+    FilteredMass {
+        /// What does not, and the alternatives.
+        what: String,
+    },
     /// The constraints could not be satisfied to round-off.
     #[error(
         "constraint '{constraint}' has the error {defect:e} after {iterations} iterations: the step is too long, or joints \

@@ -41,6 +41,7 @@ pub use ranks::conductor::stepper_of_ranks;
 pub use ranks::member::Member;
 pub use ranks::partners::Partners;
 pub use schemes::constraint::manifold::make_tangent;
+pub use schemes::filter::mass_filter;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
 pub use schemes::stability::{Frequencies, HighestFrequency, highest_frequency};
 pub use schemes::stepper::{StepError, StepReport, Stepper};

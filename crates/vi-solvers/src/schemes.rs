@@ -5,6 +5,7 @@ mod at_rest;
 mod comparison;
 pub(crate) mod constraint;
 mod energy_momentum;
+pub(crate) mod filter;
 mod gauss;
 pub(crate) mod kick_drift;
 pub(crate) mod method;

@@ -2,11 +2,11 @@
 
 use crate::contract::system::{State, System};
 
-/// Kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J.
+/// Kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J; ½ pᵀW p if the mass is filtered.
 pub fn kinetic_energy(system: &System, state: &State) -> f64 {
-    match system.kinetic() {
-        Some(_) => 0.5 * state.p.iter().zip(system.velocity(&state.p)).map(|(p, v)| p * v).sum::<f64>(),
-        None => 0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>(),
+    match system.kinetic().is_some() || system.filter().is_some() {
+        true => 0.5 * state.p.iter().zip(system.velocity(&state.p)).map(|(p, v)| p * v).sum::<f64>(),
+        false => 0.5 * state.p.iter().zip(system.free_mass()).map(|(p, m)| p * p / m).sum::<f64>(),
     }
 }
 

@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, DVector};
 use crate::contract::constraint::QuadraticConstraint;
 use crate::contract::coordinates::Coordinates;
 use crate::contract::dense;
+use crate::contract::filter::MassFilter;
 use crate::contract::force::Force;
 use crate::contract::inertia;
 use crate::contract::potential::{HessianKind, Potential};
@@ -16,7 +17,7 @@ use crate::contract::terms::{Live, Terms, check_stencils};
 use crate::error::CoreError;
 
 /// The Lagrangian L(q, q̇, t) = ½ q̇ᵀM q̇ − Σ V(x(q, t), t), with lumped (diagonal) mass M unless set by
-/// [`System::with_consistent_mass`].
+/// [`System::with_consistent_mass`] or [`System::with_filter`].
 ///
 /// Prescribed coordinates do not enter the kinetic energy; they act through V(x(q, t), t). Forces without a potential
 /// are listed separately: M q̈ = −∂V/∂q + Σ f(x, ẋ, t). So are constraints g(x) = 0, whose multipliers add
@@ -29,6 +30,8 @@ pub struct System {
     potential: Terms,
     /// T as a function of the velocities of all coordinates, if the mass is consistent.
     kinetic: Option<Terms>,
+    /// The filter of the lumped mass, if it is filtered.
+    filter: Option<MassFilter>,
     forces: Vec<Arc<dyn Force>>,
     constraints: Vec<QuadraticConstraint>,
 }
@@ -87,7 +90,7 @@ impl System {
         let potentials = potentials.into_iter().map(Arc::from).collect();
         let potential = Terms::new(Arc::new(coordinates), potentials)?;
         let (forces, constraints) = (Vec::new(), Vec::new());
-        Ok(Self { free_mass, other_mass, potential, kinetic: None, forces, constraints })
+        Ok(Self { free_mass, other_mass, potential, kinetic: None, filter: None, forces, constraints })
     }
 
     /// Adds potentials to the system.
@@ -132,6 +135,7 @@ impl System {
             other_mass: other_mass.clone(),
             potential: Terms::of_nothing(coordinates),
             kinetic: None,
+            filter: None,
             forces: Vec::new(),
             constraints: Vec::new(),
         }
@@ -172,6 +176,31 @@ impl System {
         self.kinetic.as_ref()
     }
 
+    /// Returns the system with the kinetic energy ½ pᵀW p of a filtered mass. Its momenta are then p = W⁻¹q̇.
+    ///
+    /// # Errors
+    /// Returns [`CoreError::FilteredMass`] if the mass is consistent, coordinates are moved, tied or along axes of their
+    /// own, there are constraints, or nodes do not have three coordinates.
+    pub fn with_filter(mut self, filter: MassFilter) -> Result<Self, CoreError> {
+        let obstacles = [
+            (self.kinetic.is_some(), "it is consistent already"),
+            (self.coordinates().is_moving(), "supports move"),
+            (!self.constraints.is_empty() || !self.coordinates().directors().is_empty(), CONSTRAINED),
+            (!self.coordinates().is_plain(), "nodes are tied, or supports are not along x, y or z"),
+            (!self.coordinates().dof_count().is_multiple_of(3), "nodes do not have three coordinates"),
+        ];
+        if let Some((_, reason)) = obstacles.into_iter().find(|(is_there, _)| *is_there) {
+            return Err(CoreError::FilteredMass { reason });
+        }
+        self.filter = Some(filter);
+        Ok(self)
+    }
+
+    /// Returns the filter of the mass, if it is filtered.
+    pub fn filter(&self) -> Option<&MassFilter> {
+        self.filter.as_ref()
+    }
+
     /// Returns the system with these forces, in place of earlier ones.
     ///
     /// # Errors
@@ -189,10 +218,14 @@ impl System {
     ///
     /// # Errors
     /// Returns [`CoreError::Stencil`] if a constraint refers to a missing node, [`CoreError::Constraint`] if it
-    /// contains no free coordinate, [`CoreError::ConsistentMass`] if the mass is not lumped.
+    /// contains no free coordinate, [`CoreError::ConsistentMass`] or
+    /// [`CoreError::FilteredMass`] if the mass is not lumped.
     pub fn with_constraints(mut self, constraints: Vec<QuadraticConstraint>) -> Result<Self, CoreError> {
         if self.kinetic.is_some() && !constraints.is_empty() {
             return Err(CoreError::ConsistentMass { reason: CONSTRAINED });
+        }
+        if self.filter.is_some() && !constraints.is_empty() {
+            return Err(CoreError::FilteredMass { reason: CONSTRAINED });
         }
         let resolved =
             constraints.into_iter().map(|constraint| constraint.resolved(self.potential.coordinates()));
@@ -224,7 +257,8 @@ impl System {
         }
     }
 
-    /// Returns the lumped mass of every free coordinate q_k, kg: the diagonal of M, unless the mass is consistent.
+    /// Returns the lumped mass of every free coordinate q_k, kg: the diagonal of M, unless the mass is consistent or
+    /// filtered.
     pub fn free_mass(&self) -> &[f64] {
         &self.free_mass
     }
@@ -275,9 +309,10 @@ impl System {
 
     /// Returns p = M q̇, kg m/s, in the memory of the velocities q̇ if M is diagonal.
     fn momentum_of(&self, mut q_dot: Vec<f64>) -> Vec<f64> {
-        match &self.kinetic {
-            Some(kinetic) => inertia::momentum(kinetic, &q_dot),
-            None => {
+        match (&self.kinetic, &self.filter) {
+            (Some(kinetic), _) => inertia::momentum(kinetic, &q_dot),
+            (_, Some(filter)) => filter.momentum(self.coordinates(), &q_dot),
+            _ => {
                 q_dot.iter_mut().zip(self.free_mass()).for_each(|(v, m)| *v *= m);
                 q_dot
             }
@@ -286,27 +321,34 @@ impl System {
 
     /// Returns q̇ = M⁻¹p, m/s, to round-off.
     pub fn velocity(&self, p: &[f64]) -> Vec<f64> {
-        match &self.kinetic {
-            Some(kinetic) => {
+        match (&self.kinetic, &self.filter) {
+            (Some(kinetic), _) => {
                 let mut q_dot: Vec<f64> = p.iter().zip(self.free_mass()).map(|(p, m)| p / m).collect();
                 let multiply =
                     |v: &[f64], out: &mut [f64]| out.copy_from_slice(&inertia::momentum(kinetic, v));
                 inertia::solve_mass(multiply, self.free_mass(), p, &mut q_dot);
                 q_dot
             }
-            None => p.iter().zip(self.free_mass()).map(|(p, m)| p / m).collect(),
+            (_, Some(filter)) => filter.velocity(self.coordinates(), p),
+            _ => p.iter().zip(self.free_mass()).map(|(p, m)| p / m).collect(),
         }
     }
 
     /// Returns M, n × n for n free coordinates, kg: for small systems.
     pub fn dense_mass(&self) -> DMatrix<f64> {
-        match &self.kinetic {
-            Some(kinetic) => {
+        match (&self.kinetic, &self.filter) {
+            (Some(kinetic), _) => {
                 let full = dense::hessian(kinetic, &vec![0.0; self.coordinates().dof_count()], 0.0);
                 let free = self.coordinates().free();
                 DMatrix::from_fn(free.len(), free.len(), |i, j| full[(free[i] as usize, free[j] as usize)])
             }
-            None => DMatrix::from_diagonal(&DVector::from_column_slice(self.free_mass())),
+            (_, Some(_)) => {
+                let n = self.free_mass().len();
+                let unit = |k: usize| (0..n).map(|i| f64::from(i == k)).collect::<Vec<_>>();
+                let columns: Vec<_> = (0..n).map(|k| DVector::from_vec(self.momentum(&unit(k)))).collect();
+                DMatrix::from_columns(&columns)
+            }
+            _ => DMatrix::from_diagonal(&DVector::from_column_slice(self.free_mass())),
         }
     }
 

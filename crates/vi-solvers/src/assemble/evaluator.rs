@@ -3,9 +3,10 @@
 
 mod live_terms;
 
-use vi_core::{State, System};
+use vi_core::{MassFilter, State, System};
 
 use crate::assemble::assembler::Assembler;
+use crate::assemble::filtered::FilteredDrift;
 use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::gather::Gather;
@@ -254,10 +255,37 @@ impl Evaluator {
         drift: f64,
         (q, p): (&mut [f64], &mut [f64]),
     ) -> bool {
-        let pass = Pass { from, sums: self.assembler.gather().filter(|_| sums), closing, kick, drift };
+        let sums_of = self.assembler.gather().filter(|_| sums);
+        let pass = Pass { from, sums: sums_of, closing, kick, drift, sets: false };
         let is_sound = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
         self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && is_sound;
         is_sound
+    }
+
+    /// Makes a pass as [`Evaluator::sweep`] does, but with v = M⁻¹p in place of the drift. v has all coordinates.
+    pub(crate) fn sweep_to_velocity(
+        &mut self,
+        sweep: &Sweep,
+        sums: bool,
+        [closing, kick]: [f64; 2],
+        (q, p): (&mut [f64], &mut [f64]),
+        v: &mut [f64],
+    ) -> bool {
+        let sums = self.assembler.gather().filter(|_| sums);
+        let pass = Pass { from: None, sums, closing, kick, drift: 1.0, sets: true };
+        self.gradient_is_of_x = false;
+        sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: v, q, p })
+    }
+
+    /// Drifts with the velocities of the last [`Evaluator::sweep_to_velocity`]; returns whether all is finite.
+    pub(crate) fn drift_filtered(
+        &mut self,
+        filter: &MassFilter,
+        filtered: &mut FilteredDrift,
+        drift: f64,
+    ) -> bool {
+        self.gradient_is_of_x = false;
+        filtered.drift(filter, drift, &mut self.x)
     }
 
     /// Evaluates ∂V/∂x at the result of the last pass and time t, but without the sums over nodes: the next pass

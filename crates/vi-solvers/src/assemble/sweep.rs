@@ -40,7 +40,7 @@ pub(crate) struct Sweep {
 pub(crate) struct Arrays<'a> {
     /// ∂V/∂x of all coordinates. A gradient that the pass itself sums before it drifts is not stored here.
     pub(crate) gradient: &'a mut [f64],
-    /// x of all coordinates.
+    /// x of all coordinates, or v if the pass sets it.
     pub(crate) x: &'a mut [f64],
     /// q of the free coordinates; written by a pass that does not drift.
     pub(crate) q: &'a mut [f64],
@@ -72,6 +72,8 @@ pub(crate) struct Pass<'a> {
     pub(crate) kick: f64,
     /// a h of the drift, s; no drift if it is zero.
     pub(crate) drift: f64,
+    /// If set, x = drift M⁻¹p instead of x += drift M⁻¹p.
+    pub(crate) sets: bool,
 }
 
 impl Sweep {
@@ -175,6 +177,9 @@ impl Sweep {
                     self.arch.dispatch(KickRun { kick, gradient, p })
                 } else {
                     let inverse_mass = &self.inverse_mass[k..k + n];
+                    if pass.sets {
+                        x.fill(0.0);
+                    }
                     let drift = pass.drift;
                     self.arch.dispatch(KickDriftRun { kick, drift, gradient, inverse_mass, p, x })
                 };

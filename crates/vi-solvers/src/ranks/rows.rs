@@ -69,6 +69,7 @@ fn obstacle(system: &System) -> Option<&'static str> {
         (!system.forces().is_empty(), "wind or damping"),
         (!system.constraints().is_empty(), "rigid bodies or joints"),
         (system.kinetic().is_some(), "consistent mass"),
+        (system.filter().is_some(), "filtered mass"),
         (!system.coordinates().is_plain(), "ties, or supports along other axes than those of space"),
     ];
     obstacles.into_iter().find(|(is_there, _)| *is_there).map(|(_, name)| name)

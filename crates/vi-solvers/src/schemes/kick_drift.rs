@@ -13,6 +13,7 @@
 
 mod collisions;
 mod drift;
+mod filtered;
 mod forced;
 pub(crate) mod portion;
 pub(crate) mod splitting;
@@ -21,6 +22,7 @@ mod touching;
 use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::evaluator::Evaluator;
+use crate::assemble::filtered::FilteredDrift;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::sweep::Sweep;
@@ -53,6 +55,8 @@ pub(crate) struct KickDrift {
     manifold: Option<ConstraintManifold>,
     /// The impulses of the multipliers in a drift, N s.
     impulses: Vec<f64>,
+    /// The drift of a filtered mass, if it is filtered.
+    filtered: Option<FilteredDrift>,
     /// The collisions in drifts, if there are live terms and the scheme uses discrete gradients.
     collisions: Option<Collisions>,
 }
@@ -83,6 +87,7 @@ impl KickDrift {
             net: Vec::new(),
             impulses: Vec::new(),
             manifold: ConstraintManifold::new(system),
+            filtered: system.filter().map(|_| FilteredDrift::new(system)),
             collisions,
         })
     }
@@ -100,6 +105,9 @@ impl KickDrift {
     /// Computes p −= b h ∂V/∂q, then q += a h M⁻¹p. With a ledger, books the work that the kick does on the kinetic
     /// energy and on the prescribed coordinates, and returns minus their sum.
     fn kick_drift(&mut self, system: &System, t: f64, kick: f64, drift: f64, energy: &mut StepEnergy) -> f64 {
+        if let Some(filter) = system.filter() {
+            return self.filtered_kick_drift(system, filter, kick, drift);
+        }
         let mass = system.free_mass();
         let inverse_mass = self.sweep.inverse_mass();
         let free = system.coordinates().free();
@@ -154,6 +162,9 @@ impl KickDrift {
         h: f64,
         count: u32,
     ) -> Result<bool, SolverError> {
+        if let Some(filter) = system.filter() {
+            return self.advance_filtered(system, filter, state, (h, count));
+        }
         let Splitting { kicks, drifts } = &self.coefficients;
         // A rank of several does not stop, because others wait for its sums.
         let (mut is_sound, is_shared) = (true, self.evaluator.is_shared());

@@ -272,7 +272,7 @@ impl Method {
     ///
     /// # Errors
     /// Returns [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with the part
-    /// that it does not accept, and the schemes that do.
+    /// that it does not accept, and the schemes that do; [`SolverError::FilteredMass`].
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
         let (refused, reason) = match accepts.forces {
@@ -296,7 +296,27 @@ impl Method {
             let schemes = Self::accepting(|accepts| accepts.consistent_mass);
             return Err(SolverError::ConsistentMass { scheme, schemes });
         }
-        Ok(())
+        self.check_filter(system)
+    }
+
+    /// Checks that the scheme can step this system if its mass is filtered.
+    fn check_filter(&self, system: &System) -> Result<(), SolverError> {
+        let refused = |what: String| Err(SolverError::FilteredMass { what });
+        if system.filter().is_none() {
+            return Ok(());
+        }
+        if self.splitting().is_none() {
+            let schemes: Vec<_> = Self::ALL.iter().filter(|method| method.splitting().is_some()).collect();
+            let names: Vec<_> = schemes.iter().map(|method| method.name()).collect();
+            return refused(format!("scheme {} (choose one of {})", self.name(), names.join(", ")));
+        }
+        if let Some(force) = system.forces().first() {
+            return refused(format!("the force '{}'", force.name()));
+        }
+        match system.terms().live().first() {
+            Some(live) => refused(format!("'{}'", live.name())),
+            None => Ok(()),
+        }
     }
 
     /// Returns the names of the schemes that accept something, without the schemes for comparison.

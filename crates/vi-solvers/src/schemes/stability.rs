@@ -30,7 +30,7 @@ const LARGEST: f64 = 1e-3;
 /// An estimate of the highest frequency about a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HighestFrequency {
-    /// ω_max = √λ_max(M⁻¹K), rad/s: the Ritz value plus its residual bound. It is therefore an overestimate, by at
+    /// ω_max = √λ_max(M⁻¹K), rad/s, or √λ_max(W K) with a filtered mass: the Ritz value plus its residual bound. It is therefore an overestimate, by at
     /// most 1 % if the iteration converged.
     pub omega: f64,
     /// Number of products with K, each of two gradients.
@@ -85,7 +85,13 @@ impl Frequencies {
         }
         let mut out = vec![0.0; n];
         self.operator.apply(system, state, &direction, &mut out)?;
-        let square = vectors::sum(n, |k| direction[k] * out[k]).abs();
+        let mut square = vectors::sum(n, |k| direction[k] * out[k]).abs();
+        if system.filter().is_some() {
+            // With a filtered mass, twice the kinetic energy is vᵀp instead of vᵀM v.
+            let mass = system.free_mass();
+            let lumped = vectors::sum(n, |k| mass[k] * (velocity[k] * velocity[k]));
+            square *= lumped / vectors::dot(&velocity, &state.p);
+        }
         Ok((square + turning_rate(system, state).powi(2)).sqrt())
     }
 }
@@ -151,21 +157,21 @@ fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> 
 }
 
 /// The tridiagonal matrix of Lanczos' method for n unknowns.
-struct Lanczos {
+pub(crate) struct Lanczos {
     n: usize,
     diagonal: Vec<f64>,
     off_diagonal: Vec<f64>,
     /// The norm of the last vector; 0 at first.
-    beta: f64,
+    pub(crate) beta: f64,
 }
 
 impl Lanczos {
-    fn new(n: usize) -> Self {
+    pub(crate) fn new(n: usize) -> Self {
         Self { n, diagonal: Vec::new(), off_diagonal: Vec::new(), beta: 0.0 }
     }
 
     /// Enters the numbers of an iteration; returns the frequency if they suffice.
-    fn enter(&mut self, alpha: f64, beta: f64, accuracy: f64) -> Option<HighestFrequency> {
+    pub(crate) fn enter(&mut self, alpha: f64, beta: f64, accuracy: f64) -> Option<HighestFrequency> {
         self.diagonal.push(alpha);
         self.beta = beta;
         let (ritz, residual) = largest_ritz_value(&self.diagonal, &self.off_diagonal, beta);
@@ -180,7 +186,7 @@ impl Lanczos {
 }
 
 /// Returns the inverse of a unit of mass, which is a power of two.
-fn per_unit(system: &System) -> f64 {
+pub(crate) fn per_unit(system: &System) -> f64 {
     system.free_mass().first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)))
 }
 
@@ -195,6 +201,9 @@ fn highest(
         return Ok(HighestFrequency { omega: 0.0, iterations: 0 });
     }
     operator.place(system, state)?;
+    if system.filter().is_some() {
+        return highest_filtered(operator, system, state, accuracy);
+    }
     let mut previous = vec![0.0; n];
     let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
     normalize(&mut current);
@@ -209,6 +218,51 @@ fn highest(
         if let Some(found) = iteration.enter(alpha, beta, accuracy) {
             return Ok(found);
         }
+        std::mem::swap(&mut previous, &mut current);
+        std::mem::swap(&mut current, &mut next);
+    }
+}
+
+/// Returns ω_max of W K, by Lanczos' method with the preconditioner S = M^{1/2} W M^{1/2} for M^{-1/2} K M^{-1/2}: its
+/// vectors u are orthonormal in uᵀS u.
+fn highest_filtered(
+    operator: &mut Operator,
+    system: &System,
+    state: &State,
+    accuracy: f64,
+) -> Result<HighestFrequency, SolverError> {
+    let n = system.coordinates().free_count();
+    let roots: Vec<f64> = (0..n).map(|k| operator.root_mass(system, k)).collect();
+    let unit = operator.per_unit;
+    let filtered = |u: &[f64]| -> Vec<f64> {
+        let momentum: Vec<f64> = u.iter().zip(&roots).map(|(u, root)| u * root).collect();
+        let velocity = system.velocity(&momentum);
+        velocity.iter().zip(&roots).map(|(v, root)| v * root / unit).collect()
+    };
+    // Scales u and S u so that uᵀS u = 1; returns √(uᵀS u).
+    let normalized = |u: &mut Vec<f64>| {
+        let mut image = filtered(u);
+        let norm = vectors::dot(u, &image).max(0.0).sqrt();
+        if norm > 0.0 {
+            vectors::update(u, |_, u| *u /= norm);
+            vectors::update(&mut image, |_, image| *image /= norm);
+        }
+        (image, norm)
+    };
+    let (mut previous, mut next) = (vec![0.0; n], vec![0.0; n]);
+    let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
+    let (mut image, _) = normalized(&mut current);
+    let mut iteration = Lanczos::new(n);
+    loop {
+        operator.apply(system, state, &image, &mut next)?;
+        let alpha = vectors::dot(&next, &image);
+        let beta = iteration.beta;
+        vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
+        let (next_image, beta) = normalized(&mut next);
+        if let Some(found) = iteration.enter(alpha, beta, accuracy) {
+            return Ok(found);
+        }
+        image = next_image;
         std::mem::swap(&mut previous, &mut current);
         std::mem::swap(&mut current, &mut next);
     }
@@ -314,7 +368,7 @@ fn normalize(v: &mut [f64]) -> f64 {
 }
 
 /// Returns a number in ±½ from a counter (the finaliser of SplitMix64, Steele et al. 2014).
-fn noise(k: u64) -> f64 {
+pub(crate) fn noise(k: u64) -> f64 {
     let mut z = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);

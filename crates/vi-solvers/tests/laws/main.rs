@@ -10,6 +10,7 @@ mod contacts;
 mod damped;
 mod explicit;
 mod factor;
+mod filtered;
 #[path = "../forces/mod.rs"]
 mod forces;
 mod implicit;

@@ -38,6 +38,7 @@ impl KickDrift {
             net: Vec::new(),
             impulses: Vec::new(),
             manifold: None,
+            filtered: None,
             collisions: None,
         }
     }
