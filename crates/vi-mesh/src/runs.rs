@@ -65,7 +65,7 @@ mod tests {
         let equal = [(1, 8, 3), (100, 8, 3), (104, 8, 13), (37, 5, 4), (40, 5, 20)];
         let all =
             equal.map(|(elements, length, processes)| Runs::in_equal_shares(elements, length, processes));
-        let others = [Runs::new(100, 8, vec![0..2, 2..2, 2..9, 9..13]), Runs::new(7, 8, vec![0..1])];
+        let others = [Runs::new(100, 8, vec![0..2, 2..2, 2..9, 9..13]), Runs::new(7, 8, vec![0..1, 1..1])];
         for runs in all.into_iter().chain(others) {
             let mut next = 0;
             for process in 0..runs.process_count() {
