@@ -231,6 +231,7 @@ impl Touching {
         }
         let StepOutcome { friction, damping, .. } = outcome;
         self.passage.accept(&self.x_start, &self.x_end);
+        self.lists.end_step(&self.x_end);
         let mut energy =
             StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
         // The force is that of the last iteration, before the last correction.
