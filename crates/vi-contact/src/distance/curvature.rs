@@ -45,9 +45,19 @@ fn free_directions(shape: Shape, closest: &Closest) -> ([[f64; 4]; 2], usize) {
     (directions, count)
 }
 
-/// Returns vectors v_k, up to two, with Σ_k v_k v_kᵀ = Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl (c_b E_l + c_{b,l} r)ᵀ, and their number.
-pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([[Vec3; 4]; 2], usize) {
-    let (directions, mut count) = free_directions(shape, closest);
+/// A direction in which the closest points are free to move, of unit length and perpendicular to the others.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FreeMotion {
+    /// Change of the weights c_a with the parameter of this direction, 1/m.
+    pub(crate) weights: [f64; 4],
+    /// v_a = c_a e + c_a' r, with the unit vector e of the direction. The parameter changes by −Σ v_a·dx_a.
+    pub(crate) change: [Vec3; 4],
+}
+
+/// Returns up to two directions in which the closest points are free to move, with Σ_k v_k v_kᵀ = Σ_kl (c_a E_k + c_{a,k} r)(A⁻¹)_kl
+/// (c_b E_l + c_{b,l} r)ᵀ, and their number.
+pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([FreeMotion; 2], usize) {
+    let (mut directions, mut count) = free_directions(shape, closest);
     let (r, c) = (closest.vector, &closest.weights);
     let edges = directions.map(|weights| super::combine(&weights, x));
     // A⁻¹ = LᵀL for the one or two free parameters.
@@ -62,6 +72,7 @@ pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([
         let length = first_edge.norm();
         first_edge /= length;
         rows[0].iter_mut().for_each(|row| *row /= length);
+        directions[0].iter_mut().for_each(|weight| *weight /= length);
     }
     if count > 1 {
         let along = first_edge.dot(&edges[1]);
@@ -71,15 +82,17 @@ pub(crate) fn free_motions(shape: Shape, closest: &Closest, x: &[Vec3; 4]) -> ([
         } else {
             for a in 0..4 {
                 rows[1][a] = (rows[1][a] - rows[0][a] * along) / across;
+                directions[1][a] = (directions[1][a] - directions[0][a] * along) / across;
             }
         }
     }
-    (rows, count)
+    let [first, second] = [0, 1].map(|k: usize| FreeMotion { weights: directions[k], change: rows[k] });
+    ([first, second], count)
 }
 
 /// Writes ∂²d²/∂x_a∂x_b of a pair as the packed lower triangle of its n = 3·arity coordinates, n(n+1)/2 entries.
 pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], out: &mut [f64]) {
-    let (rows, count) = free_motions(shape, closest, x);
+    let (motions, count) = free_motions(shape, closest, x);
     let c = &closest.weights;
     let mut entry = out.iter_mut();
     for i in 0..3 * shape.arity() {
@@ -87,8 +100,8 @@ pub(crate) fn squared_hessian(shape: Shape, closest: &Closest, x: &[Vec3; 4], ou
         for j in 0..=i {
             let (b, other) = (j / 3, j % 3);
             let mut value = if axis == other { c[a] * c[b] } else { 0.0 };
-            for row in &rows[..count] {
-                value -= row[a][axis] * row[b][other];
+            for FreeMotion { change, .. } in &motions[..count] {
+                value -= change[a][axis] * change[b][other];
             }
             if let Some(entry) = entry.next() {
                 *entry = 2.0 * value;
@@ -111,8 +124,8 @@ mod tests {
         let closest = Closest { squared: vector.norm_squared(), vector, weights };
         let (motions, count) = free_motions(Shape::EdgeEdge, &closest, &x);
         assert_eq!(count, 1);
-        assert!(motions[0].iter().all(|motion| motion.iter().all(|value| value.is_finite())));
+        assert!(motions[0].change.iter().all(|motion| motion.iter().all(|value| value.is_finite())));
         // A common translation changes no distance.
-        assert!(motions[0].iter().sum::<Vec3>().norm() < 1e-15);
+        assert!(motions[0].change.iter().sum::<Vec3>().norm() < 1e-15);
     }
 }

@@ -14,8 +14,39 @@
 //! denominator are sums of the same non-negative numbers with different signs, and |λ| ≤ 1. The denominator vanishes
 //! only together with the numerator; λ is then set to zero. λ is also zero if a pair slides without deforming. Reversing
 //! time changes the sign of δ and of λ, and leaves ζ unchanged: the rule is symmetric and therefore of order two.
+//!
+//! The change of N with x₁ (`turn.rs`) completes the tangents of Newton's method.
+
+mod turn;
 
 use crate::distance::{Closest, Vec3, combine};
+
+pub(crate) use turn::each_turn;
+
+/// λ and what it depends on.
+struct Slip {
+    lambda: f64,
+    /// ρ^δ(x_i), m.
+    vectors: [Vec3; 2],
+    /// p_i, m².
+    along: [f64; 2],
+    /// The denominator of λ, m².
+    weight: f64,
+}
+
+impl Slip {
+    /// Computes λ for the change δ of the weights.
+    #[inline]
+    fn new(start: &Closest, end: &Closest, delta: &[f64; 4], [x0, x1]: [&[Vec3; 4]; 2]) -> Self {
+        let vectors = [combine(delta, x0), combine(delta, x1)];
+        let (a0, a1) = (vectors[0].norm_squared(), vectors[1].norm_squared());
+        let p0 = start.vector.dot(&vectors[0]).max(0.0);
+        let p1 = end.vector.dot(&vectors[1]).min(0.0);
+        let weight = 0.5 * (a0 + a1) + p0 - p1;
+        let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
+        Self { lambda, vectors, along: [p0, p1], weight }
+    }
+}
 
 /// Change of a distance over a step.
 #[derive(Debug, Clone, Copy)]
@@ -47,12 +78,7 @@ impl DistanceChange {
             middle[a] = (x0[a] + x1[a]) * 0.5;
             step[a] = x1[a] - x0[a];
         }
-        let (slip0, slip1) = (combine(&delta, x0), combine(&delta, x1));
-        let (a0, a1) = (slip0.norm_squared(), slip1.norm_squared());
-        let p0 = start.vector.dot(&slip0).max(0.0);
-        let p1 = end.vector.dot(&slip1).min(0.0);
-        let weight = 0.5 * (a0 + a1) + p0 - p1;
-        let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
+        let Slip { lambda, .. } = Slip::new(start, end, &delta, x);
         let mut other = [0.0; 4];
         for a in 0..4 {
             other[a] = mean[a] + lambda * delta[a];

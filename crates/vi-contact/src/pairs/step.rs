@@ -10,8 +10,8 @@
 
 use super::edges::Mollifier;
 use super::energy::{Strength, in_order, pack_rank_one};
-use super::{Blend, Contact, DistanceChange, Group, Partners};
-use crate::distance::{Closest, Shape, Vec3, at, combine, free_motions};
+use super::{Blend, Contact, DistanceChange, Group, Partners, chord};
+use crate::distance::{Shape, Vec3, at};
 
 /// Parameters of the forces of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -117,11 +117,8 @@ impl StepPair {
         }
     }
 
-    /// Calls `each` with the factors a and b of the change of directions and weights, Q ∂N/∂x₁ ≈ ½ Q ∂²d/∂x² at the middle of
-    /// the step from x₀ to x₁. With the normal n, unit vectors t_k perpendicular to it, and the motions v_k of the closest points,
-    /// ```text
-    /// ∂²d/∂x² = (Σ_k (c ⊗ t_k)(c ⊗ t_k)ᵀ − Σ_k v_k v_kᵀ)/d.
-    /// ```
+    /// Calls `each` with the factors a and b of the change of directions and weights, Q ∂N/∂x₁ = Σ a ⊗ b, over the step from x₀
+    /// to x₁.
     pub(crate) fn each_turn(&self, x: [&[f64]; 2], mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
         let shape = match (self.partners, self.arity) {
             (Partners::PointPlane(..), _) => return,
@@ -130,22 +127,14 @@ impl StepPair {
             (Partners::PointBody(..), 3) => Shape::PointEdge,
             (Partners::PointBody(..), _) => Shape::PointTriangle,
         };
-        let middle = self.nodes.map(|node| (at(x[0], node) + at(x[1], node)) * 0.5);
-        let vector = combine(&self.weights, &middle);
-        let squared = vector.norm_squared();
-        if self.slope == 0.0 || squared == 0.0 {
+        if self.slope == 0.0 {
             return;
         }
-        let closest = Closest { squared, vector, weights: self.weights };
-        let factor = 0.5 * self.slope / closest.distance();
-        let mut add =
-            |vectors: &[Vec3; 4], factor: f64| each(vectors, &vectors.map(|vector| vector * factor));
-        let first = self.normal.cross(&Vec3::ith(self.normal.iamin(), 1.0)).normalize();
-        for across in [first, self.normal.cross(&first)] {
-            add(&self.weights.map(|weight| across * weight), factor);
-        }
-        let (motions, count) = free_motions(shape, &closest, &middle);
-        motions[..count].iter().for_each(|motion| add(motion, -factor));
+        let [x0, x1] = x.map(|x| self.nodes.map(|node| at(x, node)));
+        let (start, end) = (shape.closest(&x0), shape.closest(&x1));
+        chord::each_turn(shape, &start, &end, [&x0, &x1], |left, right| {
+            each(left, &right.map(|vector| vector * self.slope));
+        });
     }
 
     /// Adds G to `out`, three numbers per node.
