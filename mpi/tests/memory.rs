@@ -14,7 +14,7 @@ use launch::{part, room, run_well, scene_in};
 const SIZES: [(&str, &str, &str); 2] = [("small", "[8, 8, 8]", "0.01"), ("large", "[72, 32, 24]", "2e-3")];
 
 /// Numbers of ranks, and the memory that the first and another may need for a mesh, as parts of that of one process. Measured:
-/// .49 and .52 on two ranks, .26 and .28 on four, with a parted mesh, too. Open MPI 4.1 has larger buffers, which take up to .13 more.
+/// .54 and .44 on two ranks, .26 and .28 on four, with a parted mesh, too. Open MPI 4.1 has larger buffers, which take up to .13 more.
 const LIMITS: [(usize, f64, f64); 2] = [(2, 0.66, 0.65), (4, 0.42, 0.42)];
 
 /// Returns the scene of a block of so many cells.
