@@ -227,15 +227,7 @@ fn threads_do_not_change_the_bits() {
         .replace("[2, 1, 1]", "[8, 6, 4]");
     let scene = scene.replace("1e-14", "1e-6").replace("end = 0.2", "end = 0.05");
     let scene = scene + "[output]\ninterval = 0.025\nfields = [\"displacement\", \"velocity\"]\n";
-    let runs = ["1", "2", "8"].map(|threads| Program::run_with(&scene, &["--threads", threads]));
-    let mut files: Vec<_> =
-        std::fs::read_dir(runs[0].out()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    files.retain(|file| file != "report.json");
-    assert!(files.len() > 3, "{files:?}");
-    for file in files {
-        let bytes = runs.each_ref().map(|run| std::fs::read(run.out().join(&file)).unwrap());
-        assert!(bytes[0] == bytes[1] && bytes[0] == bytes[2], "{file:?} differs");
-    }
+    Program::assert_same_on_threads(&scene);
 }
 
 #[test]

@@ -179,15 +179,7 @@ fn threads_do_not_change_the_bits() {
             "[output]\nhistory = {history}\ninterval = 0.005\nfields = [\"displacement\", \"velocity\"]\n"
         );
         let scene = format!("{scene}{output}");
-        let runs = ["1", "2", "8"].map(|threads| Program::run_with(&scene, &["--threads", threads]));
-        let mut files: Vec<_> =
-            std::fs::read_dir(runs[0].out()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-        files.retain(|file| file != "report.json");
-        assert!(files.len() > 3, "{files:?}");
-        for file in files {
-            let bytes = runs.each_ref().map(|run| std::fs::read(run.out().join(&file)).unwrap());
-            assert!(bytes[0] == bytes[1] && bytes[0] == bytes[2], "{file:?} differs");
-        }
+        Program::assert_same_on_threads(&scene);
     }
 }
 

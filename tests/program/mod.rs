@@ -25,6 +25,19 @@ impl Program {
         program
     }
 
+    /// Runs a scene on 1, 2 and 8 threads and asserts that all files besides report.json have the same bytes.
+    pub(crate) fn assert_same_on_threads(scene: &str) {
+        let runs = ["1", "2", "8"].map(|threads| Self::run_with(scene, &["--threads", threads]));
+        let mut files: Vec<_> =
+            std::fs::read_dir(runs[0].out()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        files.retain(|file| file != "report.json");
+        assert!(files.len() > 3, "{files:?}");
+        for file in files {
+            let bytes = runs.each_ref().map(|run| std::fs::read(run.out().join(&file)).unwrap());
+            assert!(bytes[0] == bytes[1] && bytes[0] == bytes[2], "{file:?} differs");
+        }
+    }
+
     /// Runs a scene that may fail.
     pub(crate) fn try_run(scene: &str, arguments: &[&str]) -> Self {
         let directory = TempDir::new().unwrap();

@@ -22,14 +22,31 @@ pub struct EdgePair {
 }
 
 /// The distances of the pairs of a point with a cell, and of two edges, at positions x, m.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub(super) struct Apart {
-    pub(super) x: Vec<f64>,
+    x: Vec<f64>,
     pub(super) cells: Vec<f64>,
     pub(super) edges: Vec<f64>,
+    /// Round-off of distances that does not depend on them but on positions, m.
+    round_off: f64,
 }
 
+/// Round-off of distances, relative to themselves and to the largest coordinate: far more than that of differences of positions, of
+/// their squares and roots.
+const ROUND_OFF: [f64; 2] = [1e-9, 64.0 * f64::EPSILON];
+
 impl Apart {
+    pub(super) fn new(x: Vec<f64>, cells: Vec<f64>, edges: Vec<f64>) -> Self {
+        let round_off = ROUND_OFF[1] * x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+        Self { x, cells, edges, round_off }
+    }
+
+    /// Returns by how much a pair with this known distance is at least farther apart than `distance` at the known positions, m.
+    #[inline]
+    fn slack(&self, known: f64, distance: f64) -> f64 {
+        known * (1.0 - ROUND_OFF[0]) - self.round_off - distance
+    }
+
     /// Returns the largest square of a change of the vector between a node of the first part and one of the second, from
     /// the known positions to x, m².
     #[inline]
@@ -104,17 +121,16 @@ impl Neighbours {
     /// the tube if the new list shall know what it covers.
     pub(crate) fn narrowed(&self, surface: &Surface, tube: &Tube, known: Option<Tube>) -> Self {
         let margins = Margins::new(surface, tube);
-        let changes = self.apart.as_ref().map(|apart| apart.largest_changes(surface, &margins));
+        let before = self.apart.as_ref();
+        let changes = before.map(|apart| apart.largest_changes(surface, &margins));
         // Bounds exclude most pairs without computing their closest points.
         let may_come = |nodes: [u32; 4], first: usize, known: Option<&f64>, distance: f64| {
-            let (Some(changes), Some(known)) = (&changes, known) else { return true };
+            let (Some(changes), Some(before), Some(known)) = (&changes, before, known) else { return true };
             let [a, b, c, d] = nodes.map(|node| changes[node as usize]);
             let change = if first == 1 { a + b.max(c).max(d) } else { a.max(b) + c.max(d) };
-            // Subtract far more than the round-off of the known distance.
-            known * (1.0 - 1e-9) - distance <= change
+            before.slack(*known, distance) <= change
         };
-        let before = self.apart.as_ref();
-        let mut apart = Apart::default();
+        let (mut of_cells, mut of_edges) = (Vec::new(), Vec::new());
         let cells = self.cells_where(surface, |node, cell, gauge, number| {
             let [a, b, c] = cell.nodes;
             let known = before.map(|before| &before.cells[number]);
@@ -122,7 +138,7 @@ impl Neighbours {
                 return false;
             }
             let distance = margins.distance_if_nearer(cell.shape(), [node, a, b, c], gauge.reach());
-            apart.cells.extend(distance);
+            of_cells.extend(distance);
             distance.is_some()
         });
         let edges = self.edges.iter().enumerate().filter(|(number, pair)| {
@@ -132,14 +148,14 @@ impl Neighbours {
                 return false;
             }
             let distance = margins.distance_if_nearer(Shape::EdgeEdge, pair.nodes, reach);
-            apart.edges.extend(distance);
+            of_edges.extend(distance);
             distance.is_some()
         });
         let edges = edges.map(|(_, pair)| *pair).collect();
         let planes =
             self.planes.iter().filter(|&&[point, plane]| margins.is_near_plane(surface, point, plane));
         let planes = planes.copied().collect();
-        apart.x = margins.into_middle();
+        let apart = Apart::new(margins.into_middle(), of_cells, of_edges);
         Self { tube: known, apart: Some(apart), ..Self::new(cells.0, cells.1, edges, planes) }
     }
 
@@ -155,8 +171,7 @@ impl Neighbours {
     ) -> Cow<'_, Self> {
         let Some(apart) = &self.apart else { return Cow::Borrowed(self) };
         let may_come = |nodes: [u32; 4], first: usize, known: f64, distance: f64| {
-            // Subtract far more than the round-off of the known distance.
-            let slack = known * (1.0 - 1e-9) - distance;
+            let slack = apart.slack(known, distance);
             slack <= 0.0 || x.iter().any(|x| apart.largest_change(x, nodes, first) >= slack * slack)
         };
         let (starts, cells) = self.cells_where(surface, |node, cell, gauge, number| {

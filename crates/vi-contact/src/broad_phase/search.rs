@@ -176,11 +176,8 @@ fn found(
     edges: Vec<NearEdges>,
 ) -> Neighbours {
     let planes = near_planes(surface, &margins);
-    let apart = Apart {
-        x: margins.into_middle(),
-        cells: cells.iter().map(|near| near.distance).collect(),
-        edges: edges.iter().map(|near| near.distance).collect(),
-    };
+    let of_cells = cells.iter().map(|near| near.distance).collect();
+    let apart = Apart::new(margins.into_middle(), of_cells, edges.iter().map(|near| near.distance).collect());
     let mut starts = vec![0; surface.points.len() + 1];
     cells.iter().for_each(|near| starts[near.parts[0] as usize + 1] += 1);
     for point in 0..surface.points.len() {

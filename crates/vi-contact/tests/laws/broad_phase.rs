@@ -59,6 +59,41 @@ fn no_near_pair_is_missed() {
     assert!(count > 1000, "{count}");
 }
 
+/// Sheets at a distance of some hundred roundings of their positions meet, however exactly the motion is their distance.
+#[test]
+fn gaps_near_round_off_are_not_excluded() {
+    let mut numbers = Numbers::new(9);
+    for round in 0..300 {
+        let gap = 10_f64.powf(-14.0 + 4.0 * numbers.unit());
+        let shift = [(); 3].map(|()| 2.0 * numbers.unit() - 1.0);
+        let mut all = Sheet::default();
+        let sheets = [0.0, gap].map(|z| all.join(&Sheet::grid(2, 0.0, 1.0, z)));
+        // Turned and shifted, so that every position and distance is rounded.
+        let axis = [(); 3].map(|()| numbers.unit());
+        let rotation = nalgebra::Rotation3::from_scaled_axis(nalgebra::Vector3::from(axis));
+        for x in all.x.chunks_exact_mut(3) {
+            let turned = rotation * nalgebra::Vector3::new(x[0], x[1], x[2]);
+            (0..3).for_each(|k| x[k] = turned[k] + shift[k]);
+        }
+        let mut builder = SurfaceBuilder::new(&all.x);
+        for triangles in &sheets {
+            let number = builder.body(body(0.01, 1e4));
+            builder.triangles(number, triangles);
+        }
+        let surface = Arc::new(builder.build().expect("a valid surface"));
+        let mut end = all.x.clone();
+        let first_of_second = all.x.len() / 2;
+        end[first_of_second..].copy_from_slice(&all.x[..first_of_second]);
+        let term = ContactTerm::new(surface, 0.005);
+        let tube = |reach: f64| {
+            let motion = end.iter().zip(&all.x).map(|(end, x)| end - x).collect();
+            Tube { start: all.x.clone(), motion, reach: vec![reach; all.x.len() / 3] }
+        };
+        let narrow = term.within(&tube(1e-3)).narrowed(&tube(0.0)).expect("contact chooses stencils");
+        assert!(!narrow.meetings(&all.x, &end, 0.0).is_empty(), "{round}: {gap:e}");
+    }
+}
+
 #[test]
 fn lists_are_the_same_on_any_number_of_threads() {
     let (surface, x, _) = folded(2, 40);
