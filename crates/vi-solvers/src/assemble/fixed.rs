@@ -59,7 +59,7 @@ impl FixedSum {
         let block = block.unwrap_or_else(|| common_block(&terms));
         let gradient = match terms.shared() {
             Some(shared) => GradientSum::Shared(Arc::clone(shared)),
-            None => GradientSum::Here(Box::new(Gather::new(&terms, block))),
+            None => GradientSum::Here(Box::new(Gather::new(&terms, block).in_order_of_nodes())),
         };
         let constant_stencils = match &gradient {
             GradientSum::Here(gather) => gather.constant_stencils() as u64,

@@ -12,6 +12,7 @@
 
 pub(crate) mod division;
 mod halo;
+mod order;
 
 use std::cell::RefCell;
 use std::ops::Range;
