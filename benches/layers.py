@@ -91,7 +91,8 @@ scheme = "{scheme}"
 [output]
 history = 0
 """
-    text += CONTACT + floor(0.0)
+    # `backward-euler` takes contact without friction only.
+    text += ("[contact]\n" if scheme == "backward-euler" else CONTACT) + floor(0.0)
     for layer in range(layers):
         shift = 3e-3 * (layer % 7)
         text += f"""

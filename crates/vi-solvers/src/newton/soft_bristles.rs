@@ -44,6 +44,12 @@ const RECOVERY: f64 = 0.6;
 const WINDOW: usize = 6;
 const CRAWL: f64 = 0.95;
 
+/// A series also ends with success after this many iterations in a row that meet its aim, although pairs reverse in each of them. Slips at
+/// the round-off of positions have no direction, so those of a stack at rest reverse without end. A pair that reverses sticks for two
+/// iterations, so each pair follows its own law in one of three. Five square cloths of 30 × 30 cells, 1.2 mm apart on a floor, took 1263
+/// iterations in 6 steps of 0.1 ms, and 29 solves in stages.
+const CALM: u32 = 3;
+
 /// Number of attempts in stages that cost less than two steps over h/2. Only these are made if the step can be divided.
 /// Of the slow scenes of `stress --contact --seed 1`, 15 take 28 319 iterations and 115 s instead of 35 248 and 173 s with all three.
 const CHEAP: usize = 1;
@@ -194,6 +200,8 @@ pub(crate) struct Progress {
     last_size: f64,
     least: [f64; 2],
     idle: u32,
+    /// Number of the last iterations in a row that met the aim, whether or not pairs reversed.
+    calm: u32,
     /// The errors and residuals of the last iterations, and the number of all.
     recent: [[f64; 2]; WINDOW],
     count: usize,
@@ -208,6 +216,7 @@ impl Progress {
             last_size: 0.0,
             least: infinite,
             idle: 0,
+            calm: 0,
             recent: [infinite; WINDOW],
             count: 0,
         }
@@ -223,7 +232,8 @@ impl Progress {
             true => eta <= self.aim.tolerance,
             false => is_close(eta, contraction, self.aim.tolerance),
         };
-        if is_whole && !reverses && (is_met || is_at_resolution) {
+        self.calm = if is_whole && (is_met || is_at_resolution) { self.calm + 1 } else { 0 };
+        if self.calm > 0 && (!reverses || self.calm == CALM) {
             return Verdict::Solved;
         }
         // Out of a stiff layer, corrections grow at first while the residual decreases.
@@ -271,6 +281,26 @@ mod tests {
             is_at_resolution: false,
         };
         (0..100).find(|&k| progress.judge(&iteration(k)) != Verdict::Continue).map_or(100, |last| last + 1)
+    }
+
+    /// Slips at round-off reverse without end.
+    #[test]
+    fn a_series_at_round_off_ends_although_pairs_reverse() {
+        let aim = Aim { tolerance: 1e-11, most: 100, stiffness: 1.0, is_uniform: false };
+        let verdicts = |is_at_resolution: &dyn Fn(usize) -> bool| -> Vec<bool> {
+            let mut progress = Progress::towards(aim);
+            let iteration = |k: usize| Iteration {
+                eta: 1e-9 / (k + 1) as f64,
+                size: 1e-16 / (k + 1) as f64,
+                is_whole: true,
+                reverses: true,
+                is_at_resolution: is_at_resolution(k),
+            };
+            (0..5).map(|k| progress.judge(&iteration(k)) == Verdict::Solved).collect()
+        };
+        assert_eq!(verdicts(&|_| true)[..3], [false, false, true]);
+        assert_eq!(verdicts(&|k| k != 1), [false, false, false, false, true]);
+        assert_eq!(verdicts(&|_| false), [false; 5]);
     }
 
     /// Iterations that are cut short go on while either number decreases by more than a hundredth each time.
