@@ -23,8 +23,8 @@ use crate::distance::{Closest, Vec3, combine};
 
 pub(crate) use turn::each_turn;
 
-/// λ and what it depends on.
-struct Slip {
+/// λ for a change δ of the weights, and what it depends on.
+struct WeightShift {
     lambda: f64,
     /// ρ^δ(x_i), m.
     vectors: [Vec3; 2],
@@ -34,7 +34,7 @@ struct Slip {
     weight: f64,
 }
 
-impl Slip {
+impl WeightShift {
     /// Computes λ for the change δ of the weights.
     #[inline]
     fn new(start: &Closest, end: &Closest, delta: &[f64; 4], [x0, x1]: [&[Vec3; 4]; 2]) -> Self {
@@ -78,7 +78,7 @@ impl DistanceChange {
             middle[a] = (x0[a] + x1[a]) * 0.5;
             step[a] = x1[a] - x0[a];
         }
-        let Slip { lambda, .. } = Slip::new(start, end, &delta, x);
+        let WeightShift { lambda, .. } = WeightShift::new(start, end, &delta, x);
         let mut other = [0.0; 4];
         for a in 0..4 {
             other[a] = mean[a] + lambda * delta[a];

@@ -9,8 +9,9 @@
 //! ```text
 //! ∂θ_k/∂x₁,a = −Σ_l (A⁻¹)_kl (c₁,a u_l + w_l,a r₁),   u_k = ρ^{w_k}(x₁),   A_kl = u_k·u_l.
 //! ```
+//! The parameters of `free_motions` have perpendicular u_k of unit length, so that A is the identity.
 
-use super::Slip;
+use super::WeightShift;
 use crate::distance::{Closest, Shape, Vec3, combine, free_motions};
 
 /// Calls `each` with vectors a and b, whose products sum to ∂N/∂x₁ = Σ a ⊗ b, given the closest points at both ends.
@@ -32,7 +33,8 @@ pub(crate) fn each_turn(
         mean[a] = 0.5 * (start.weights[a] + end.weights[a]);
         middle[a] = (x0[a] + x1[a]) * 0.5;
     }
-    let Slip { lambda, vectors: [slip0, slip1], along: [p0, p1], weight } = Slip::new(start, end, &delta, x);
+    let WeightShift { lambda, vectors: [slip0, slip1], along: [p0, p1], weight } =
+        WeightShift::new(start, end, &delta, x);
     let (rho, sigma) = (combine(&mean, &middle), combine(&delta, &middle));
     let inverse = 1.0 / sum;
     let product = |a: &[f64; 4], u: Vec3, b: &[f64; 4], v: Vec3| {
