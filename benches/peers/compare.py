@@ -1,5 +1,5 @@
 """Runs P1 by `variational` and its peers in alternation, one thread each, and writes the table of run
-time at equal error: `compare.py [--mesh 4 8] [--repeat 3] [--out results.json]`. Started by run.sh.
+time at equal error: `compare.py [--mesh 4 8] [--repeat 3] [--out target/peers/results.json]`. Started by run.sh.
 
 Time is processor time of the stepping alone (the machine may be shared; with one thread it equals wall
 time on a quiet one), the least of the repeats. Error is |u - u_ref|_M / |u_ref|_M at T, each program
@@ -165,8 +165,9 @@ def main():
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--skip-mfem", action="store_true")
     parser.add_argument("--independent", action="store_true", help="check our reference by scipy's DOP853 (slow)")
-    parser.add_argument("--out", type=Path, default=HERE / "results.json")
+    parser.add_argument("--out", type=Path, default=HERE.parents[1] / "target" / "peers" / "results.json")
     options = parser.parse_args()
+    options.out.parent.mkdir(parents=True, exist_ok=True)
     versions = {"mujoco": check("mujoco_flex.py"), "mfem": check("mfem_midpoint.py")}
     print(versions, platform.platform(), flush=True)
     rows = []
