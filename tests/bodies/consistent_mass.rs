@@ -4,14 +4,25 @@
 use std::f64::consts::PI;
 
 use crate::program::Program;
-use variational::prelude::{Scene, Simulation, settle};
+use variational::prelude::{Observation, Scene, Simulation, settle};
 use variational::scene::MassKind;
 use variational::study::modes::scene_modes;
 
-fn simulation(scene: &str) -> Simulation {
+pub(super) fn simulation(scene: &str) -> Simulation {
     let parsed = Scene::parse(scene, &[]);
     assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
     Simulation::new(parsed.scene.unwrap()).unwrap()
+}
+
+/// Asserts that both momenta changed by less than the fraction `tolerance` of their largest component.
+pub(super) fn assert_momenta(before: &Observation, after: &Observation, tolerance: f64, name: &str) {
+    let scale = |values: &[f64; 3]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+    for k in 0..3 {
+        let linear = (after.momentum[k] - before.momentum[k]).abs() / scale(&before.momentum);
+        let angular =
+            (after.angular_momentum[k] - before.angular_momentum[k]).abs() / scale(&before.angular_momentum);
+        assert!(linear < tolerance && angular < tolerance, "{name}: {linear:e} {angular:e}");
+    }
 }
 
 const CELLS: usize = 8;
@@ -158,13 +169,7 @@ fn free_bodies_of_every_kind_keep_their_momenta() {
             simulation.step().unwrap();
         }
         let after = simulation.observe();
-        let scale = |values: &[f64; 3]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        for k in 0..3 {
-            let linear = (after.momentum[k] - before.momentum[k]).abs() / scale(&before.momentum);
-            let angular = (after.angular_momentum[k] - before.angular_momentum[k]).abs()
-                / scale(&before.angular_momentum);
-            assert!(linear < 1e-12 && angular < 1e-12, "{scheme} {element}: {linear:e} {angular:e}");
-        }
+        assert_momenta(&before, &after, 1e-12, &format!("{scheme} {element}"));
     }
 }
 

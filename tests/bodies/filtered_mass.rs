@@ -1,15 +1,10 @@
 //! Tests scenes with `mass = "filtered"`: momenta, free fall, equal bits, longer steps, an error of long waves that falls
 //! with the square of the size of elements, and clear errors where the mass must be lumped.
 
+use crate::consistent_mass::{assert_momenta, simulation};
 use crate::program::Program;
-use variational::prelude::{Scene, Simulation, settle};
+use variational::prelude::{Scene, settle};
 use variational::simulation::stability::highest;
-
-fn simulation(scene: &str) -> Simulation {
-    let parsed = Scene::parse(scene, &[]);
-    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
-    Simulation::new(parsed.scene.unwrap()).unwrap()
-}
 
 const FREE: &str = r#"
     [time]
@@ -55,13 +50,7 @@ fn free_bodies_of_every_kind_keep_their_momenta() {
             simulation.step().unwrap();
         }
         let after = simulation.observe();
-        let scale = |values: &[f64; 3]| values.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
-        for k in 0..3 {
-            let linear = (after.momentum[k] - before.momentum[k]).abs() / scale(&before.momentum);
-            let angular = (after.angular_momentum[k] - before.angular_momentum[k]).abs()
-                / scale(&before.angular_momentum);
-            assert!(linear < 1e-11 && angular < 1e-11, "{scheme} {element}: {linear:e} {angular:e}");
-        }
+        assert_momenta(&before, &after, 1e-11, &format!("{scheme} {element}"));
         let drift = (after.total() - before.total()).abs() / before.kinetic;
         assert!(drift < 1e-2, "{scheme} {element}: {drift:e}");
     }

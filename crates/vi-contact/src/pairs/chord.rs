@@ -23,8 +23,13 @@ use crate::distance::{Closest, Vec3, combine};
 
 pub(crate) use turn::each_turn;
 
-/// λ for a change δ of the weights, and what it depends on.
+/// How the weights of the closest points change over a step, and λ.
 struct WeightShift {
+    /// c̄ and δ.
+    mean: [f64; 4],
+    delta: [f64; 4],
+    /// x_m, m.
+    middle: [Vec3; 4],
     lambda: f64,
     /// ρ^δ(x_i), m.
     vectors: [Vec3; 2],
@@ -35,16 +40,21 @@ struct WeightShift {
 }
 
 impl WeightShift {
-    /// Computes λ for the change δ of the weights.
     #[inline]
-    fn new(start: &Closest, end: &Closest, delta: &[f64; 4], [x0, x1]: [&[Vec3; 4]; 2]) -> Self {
-        let vectors = [combine(delta, x0), combine(delta, x1)];
+    fn new(start: &Closest, end: &Closest, [x0, x1]: [&[Vec3; 4]; 2]) -> Self {
+        let (mut mean, mut delta, mut middle) = ([0.0; 4], [0.0; 4], [Vec3::zeros(); 4]);
+        for a in 0..4 {
+            delta[a] = end.weights[a] - start.weights[a];
+            mean[a] = 0.5 * (start.weights[a] + end.weights[a]);
+            middle[a] = (x0[a] + x1[a]) * 0.5;
+        }
+        let vectors = [combine(&delta, x0), combine(&delta, x1)];
         let (a0, a1) = (vectors[0].norm_squared(), vectors[1].norm_squared());
         let p0 = start.vector.dot(&vectors[0]).max(0.0);
         let p1 = end.vector.dot(&vectors[1]).min(0.0);
         let weight = 0.5 * (a0 + a1) + p0 - p1;
         let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
-        Self { lambda, vectors, along: [p0, p1], weight }
+        Self { mean, delta, middle, lambda, vectors, along: [p0, p1], weight }
     }
 }
 
@@ -68,17 +78,11 @@ impl DistanceChange {
     #[inline]
     pub(crate) fn new(start: &Closest, end: &Closest, x: [&[Vec3; 4]; 2]) -> Self {
         let [x0, x1] = x;
-        let mut delta = [0.0; 4];
-        let mut mean = [0.0; 4];
-        let mut middle = [Vec3::zeros(); 4];
+        let WeightShift { mean, delta, middle, lambda, .. } = WeightShift::new(start, end, x);
         let mut step = [Vec3::zeros(); 4];
         for a in 0..4 {
-            delta[a] = end.weights[a] - start.weights[a];
-            mean[a] = 0.5 * (start.weights[a] + end.weights[a]);
-            middle[a] = (x0[a] + x1[a]) * 0.5;
             step[a] = x1[a] - x0[a];
         }
-        let WeightShift { lambda, .. } = WeightShift::new(start, end, &delta, x);
         let mut other = [0.0; 4];
         for a in 0..4 {
             other[a] = mean[a] + lambda * delta[a];

@@ -27,14 +27,8 @@ pub(crate) fn each_turn(
     if sum == 0.0 || end.squared == 0.0 {
         return;
     }
-    let (mut delta, mut mean, mut middle) = ([0.0; 4], [0.0; 4], [Vec3::zeros(); 4]);
-    for a in 0..4 {
-        delta[a] = end.weights[a] - start.weights[a];
-        mean[a] = 0.5 * (start.weights[a] + end.weights[a]);
-        middle[a] = (x0[a] + x1[a]) * 0.5;
-    }
-    let WeightShift { lambda, vectors: [slip0, slip1], along: [p0, p1], weight } =
-        WeightShift::new(start, end, &delta, x);
+    let WeightShift { mean, delta, middle, lambda, vectors: [slip0, slip1], along: [p0, p1], weight } =
+        WeightShift::new(start, end, x);
     let (rho, sigma) = (combine(&mean, &middle), combine(&delta, &middle));
     let inverse = 1.0 / sum;
     let product = |a: &[f64; 4], u: Vec3, b: &[f64; 4], v: Vec3| {

@@ -121,7 +121,7 @@ pub(super) struct Lists {
     searches: u64,
     /// Number of lists of steps so far.
     version: u64,
-    /// Distance of each node from its expected place at the end of the last step, m.
+    /// Distance of each node from its expected place at the end of the last step, m; empty if contact moved none.
     deviations: Vec<f64>,
 }
 
@@ -154,28 +154,21 @@ impl Lists {
         let motion: Vec<f64> = start.iter().zip(end).map(|(start, end)| end - start).collect();
         let farthest = motion.chunks_exact(3).map(length).fold(0.0, f64::max);
         let least = LEAST * farthest;
-        let reach = match self.deviations.len() {
-            0 => vec![least; motion.len() / 3],
-            _ => self.deviations.iter().map(|deviation| least.max(SPARE * deviation)).collect(),
-        };
+        // A free drift leaves none.
+        let mut deviations = std::mem::take(&mut self.deviations);
+        deviations.resize(motion.len() / 3, 0.0);
+        let reach = deviations.into_iter().map(|deviation| least.max(SPARE * deviation)).collect();
         self.choose(Tube { start: start.to_vec(), motion, reach });
         self.served += 1.0;
     }
 
     /// Ends the step at `x`. Nodes that left their expected paths are expected to do so again.
     pub(super) fn end_step(&mut self, x: &[f64]) {
-        let tube = &self.step.tube;
-        let places = x
-            .as_chunks::<3>()
-            .0
-            .iter()
-            .zip(tube.start.as_chunks::<3>().0)
-            .zip(tube.motion.as_chunks::<3>().0);
-        let apart = |((x, start), motion): ((&[f64; 3], &[f64; 3]), &[f64; 3])| {
-            length(&[0, 1, 2].map(|k: usize| x[k] - start[k] - motion[k]))
-        };
-        self.deviations.clear();
-        self.deviations.extend(places.map(apart));
+        let expected = self.step.tube.end();
+        let places = x.as_chunks::<3>().0.iter().zip(expected.as_chunks::<3>().0);
+        let apart =
+            |(x, expected): (&[f64; 3], &[f64; 3])| length(&[0, 1, 2].map(|k: usize| x[k] - expected[k]));
+        self.deviations = places.map(apart).collect();
     }
 
     /// Makes the lists of the step valid at `x` too.
