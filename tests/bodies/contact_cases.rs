@@ -253,6 +253,51 @@ angular_velocity = [0.0, 3.0, 0.0]
     }
 }
 
+/// Two cloths rest on a floor in steps much longer than the period of the layer. Each node slips by about 1e-9 m, ten times the range
+/// in which friction sticks; which pairs stick is found without soft bristles and without shorter steps.
+#[test]
+fn a_stack_of_cloths_with_friction_is_solved_in_whole_steps() {
+    let cloth = |name: &str, shift: f64, height: f64| {
+        format!(
+            r#"
+[[body]]
+name = "{name}"
+sheet = {{ size = [1.0, 1.0], cells = [6, 6], origin = [{shift}, -{shift}, {height}] }}
+material = {{ law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, area_density = 0.2, thickness = 1e-3 }}
+"#
+        )
+    };
+    let run = Program::run(&format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.03
+step = 5e-3
+scheme = "energy-momentum"
+[contact]
+friction = 0.3
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+{}{}
+"#,
+        cloth("lower", 0.0, 1.2e-3),
+        cloth("upper", 3e-3, 2.4e-3)
+    ))
+    .history();
+    let column = |name| run.column(name);
+    assert!(column("substeps").iter().all(|&cuts| cuts == 0.0));
+    let iterations = column("newton_iterations").iter().sum::<f64>();
+    assert!(iterations < 240.0, "{iterations} iterations");
+    let (total, friction) = (column("total"), column("friction"));
+    let kinetic = column("kinetic").into_iter().fold(0.0, f64::max);
+    let balance = |i: usize| (total[i] - friction[i] - total[0]).abs();
+    let worst = (0..total.len()).map(balance).fold(0.0, f64::max);
+    assert!(worst < 1e-9 * kinetic, "{worst:e} of {kinetic}");
+    assert!(friction[total.len() - 1] < 0.0);
+}
+
 /// Case H15: a cloth that falls on a ball and slides on it crosses neither the ball nor itself. The energy balance of an
 /// explicit run closes, with few iterations per step.
 #[test]

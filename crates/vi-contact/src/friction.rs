@@ -16,10 +16,10 @@ pub use anchors::{Anchor, Anchors};
 
 use std::collections::BTreeMap;
 
-use bristle::stretch;
+use bristle::{Bristle, Linearised, Prediction, linearise, stretch};
 pub(crate) use rolling::RollingPair;
 use slip::Slip;
-use vi_core::packed_len;
+use vi_core::{Acting, Rubbing, packed_len};
 
 use crate::distance::{Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepPair, StepSettings, pack_rank_one};
@@ -27,6 +27,9 @@ use crate::surface::Law;
 
 /// Relative difference of distances that counts as round-off.
 const SAME_DISTANCE: f64 = 1e-9;
+
+/// Relative error of a traction that counts as that of its law.
+const LAWFUL: f64 = 1e-6;
 
 /// A step with friction and damping.
 #[derive(Debug, Clone)]
@@ -63,6 +66,8 @@ pub struct FrictionPair {
     pub along: [[Vec3; 4]; 2],
     /// Components of the direction of T along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub sliding: Option<[f64; 2]>,
+    /// What Newton's method knows of the friction.
+    pub(crate) rubbing: Rubbing,
     /// Coefficient of friction μ.
     pub coefficient: f64,
     /// Dissipated energy, J: T·u minus the change of the stored energy; never negative.
@@ -75,17 +80,36 @@ pub struct FrictionPair {
 
 /// How a pair is held together.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Pressed {
+pub(crate) struct Pressed<'a> {
     /// Force that presses the two parts together, N.
     pub(crate) force: f64,
-    /// The fraction of the bristle's stiffness that resists slip; 1 but on the way to a solution.
-    pub(crate) stiffness: f64,
+    /// The forces and predictions of an iterate on the way to a solution; `None` at a solution.
+    pub(crate) iterate: Option<&'a Acting>,
 }
 
-impl Pressed {
+impl Pressed<'_> {
     pub(crate) fn by(force: f64) -> Self {
-        Self { force, stiffness: 1.0 }
+        Self { force, iterate: None }
     }
+}
+
+/// A pair at the start of a step.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Bristles<'a> {
+    pub(crate) partners: Partners,
+    /// Stretch along both tangents, m.
+    pub(crate) stretch: [f64; 2],
+    /// Stored energy, J.
+    pub(crate) stored: f64,
+    /// Stiffness k, N/m.
+    pub(crate) stiffness: f64,
+    /// Coefficient of friction μ.
+    pub(crate) coefficient: f64,
+    /// That of [`StepSettings::response`].
+    pub(crate) response: f64,
+    /// The nodes that slip moves, with their weights in it.
+    pub(crate) nodes: &'a [u32],
+    pub(crate) weights: &'a [f64],
 }
 
 /// The bristle of a pair over a step.
@@ -93,10 +117,14 @@ impl Pressed {
 pub(crate) struct Held {
     /// Traction T on the second part, N.
     pub(crate) traction: Vec3,
+    /// Components of T along both tangents, N.
+    pub(crate) components: [f64; 2],
     /// Half the stiffness of the bristle, less if it slides, N/m.
     pub(crate) stiffness: f64,
     /// Components of the direction of T along both tangents if the pair slides; `None` if it sticks.
     pub(crate) sliding: Option<[f64; 2]>,
+    /// Whether T obeys the law of friction; an iterate may be far from it.
+    pub(crate) is_lawful: bool,
     /// Dissipated energy, T·u minus the change of the stored energy, J; never negative.
     pub(crate) dissipated: f64,
     /// Energy stored at the end, J.
@@ -106,33 +134,64 @@ pub(crate) struct Held {
 }
 
 impl Held {
-    /// Returns the bristle after a slip. `start` holds the stretch and the energy at the start, k is the stiffness of
-    /// the bristle, `response` is that of [`StepSettings::response`].
-    fn new(
-        start: ([f64; 2], f64),
+    /// Returns the bristle after a slip.
+    pub(crate) fn new(
+        bristles: &Bristles<'_>,
         slip: Vec3,
         tangents: &[Vec3; 2],
-        k: f64,
-        response: f64,
-        coefficient: f64,
-        pressed: Pressed,
+        pressed: Pressed<'_>,
     ) -> Self {
-        let response = pressed.stiffness * response;
+        let Bristles { stretch: start, stored: before, stiffness: k, coefficient, .. } = *bristles;
+        let response = bristles.response * pressed.iterate.map_or(1.0, |acting| acting.stiffness);
         let limit = coefficient * pressed.force;
-        let bristle = stretch(start.0, tangents.map(|tangent| tangent.dot(&slip)), k, response, limit);
-        let traction = tangents[0] * bristle.traction[0] + tangents[1] * bristle.traction[1];
-        let stored = 0.5 * k * (bristle.end[0].powi(2) + bristle.end[1].powi(2));
-        Self {
-            traction,
-            stiffness: response * k * bristle.held,
-            sliding: (bristle.held < 1.0).then(|| {
-                let size = bristle.traction[0].hypot(bristle.traction[1]);
-                if size > 0.0 { bristle.traction.map(|part| part / size) } else { [0.0; 2] }
+        let along = tangents.map(|tangent| tangent.dot(&slip));
+        let Bristle { end, traction, held } = stretch(start, along, k, response, limit);
+        let size = |v: [f64; 2]| v[0].hypot(v[1]);
+        let vector = |v: [f64; 2]| tangents[0] * v[0] + tangents[1] * v[1];
+        let stored = 0.5 * k * (end[0].powi(2) + end[1].powi(2));
+        let dissipated = (vector(traction).dot(&slip) - (stored - before)).max(0.0);
+        let law = Self {
+            traction: vector(traction),
+            components: traction,
+            stiffness: response * k * held,
+            sliding: (held < 1.0).then(|| match size(traction) {
+                0.0 => [0.0; 2],
+                size => traction.map(|part| part / size),
             }),
-            dissipated: (traction.dot(&slip) - (stored - start.1)).max(0.0),
+            is_lawful: true,
+            dissipated,
             stored,
-            end: bristle.end,
+            end,
+        };
+        let Some(acting) = pressed.iterate.filter(|acting| !acting.mobility.is_empty()) else { return law };
+        if limit == 0.0 {
+            return law;
         }
+        let prediction = Prediction {
+            traction: acting.traction_of(bristles.partners.number()),
+            resistance: bristles.resistance(acting),
+            penalty: acting.penalty,
+        };
+        let Linearised { traction, stiffness, sliding } =
+            linearise(start, along, k, response, limit, prediction);
+        let error = size([traction[0] - law.components[0], traction[1] - law.components[1]]);
+        let is_lawful = error <= LAWFUL * limit && sliding.is_some() == law.sliding.is_some();
+        Self { traction: vector(traction), components: traction, stiffness, sliding, is_lawful, ..law }
+    }
+
+    /// Returns what Newton's method knows of the friction of a pair.
+    pub(crate) fn rubbing(&self, partners: Partners) -> Rubbing {
+        let Self { components: traction, sliding, is_lawful, .. } = *self;
+        Rubbing { pair: partners.number(), traction, sliding, is_lawful }
+    }
+}
+
+impl Bristles<'_> {
+    /// Returns the force that moves both parts by a unit slip if only the inertia of their nodes resists, N/m.
+    fn resistance(&self, acting: &Acting) -> f64 {
+        let parts = self.nodes.iter().zip(self.weights);
+        let moved: f64 = parts.map(|(&node, &weight)| weight * weight * acting.mobility[node as usize]).sum();
+        moved.recip()
     }
 }
 
@@ -219,8 +278,17 @@ impl Contact<'_> {
             Some(anchor) => (self.carry(anchor, cell, partners, x[0]), anchor.energy(stiffness)),
             None => ([0.0; 2], 0.0),
         };
-        let response = settings.response(law.damping);
-        let held = Held::new(start, slip.slip, &slip.tangents, stiffness, response, law.friction, pressed);
+        let bristles = Bristles {
+            partners,
+            stretch: start.0,
+            stored: start.1,
+            stiffness,
+            coefficient: law.friction,
+            response: settings.response(law.damping),
+            nodes: &slip.nodes[..slip.arity],
+            weights: &slip.weights,
+        };
+        let held = Held::new(&bristles, slip.slip, &slip.tangents, pressed);
         Some(FrictionPair {
             partners,
             arity: slip.arity,
@@ -234,6 +302,7 @@ impl Contact<'_> {
             tangents: slip.tangents,
             along: slip.tangents.map(|tangent| slip.gradient(tangent)),
             sliding: held.sliding,
+            rubbing: held.rubbing(partners),
             coefficient: law.friction,
             dissipated: held.dissipated,
             stored: held.stored,

@@ -1,6 +1,7 @@
 //! The contract between the crates of the workspace: coordinates, local terms, systems and states, the energy ledger,
 //! constraints, and schemes as data. Nothing here needs automatic differentiation.
 
+pub(crate) mod acting;
 pub(crate) mod combination;
 pub(crate) mod conserved;
 pub(crate) mod constraint;

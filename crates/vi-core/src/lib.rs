@@ -7,10 +7,11 @@ mod contract;
 mod error;
 mod theory;
 
+pub use contract::acting::{Acting, Rubbing};
 pub use contract::combination::{Combination, TiedMass, redistribute_lumped_mass};
 pub use contract::conserved::{angular_momentum, angular_momentum_at, kinetic_energy, linear_momentum};
 pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
-pub use contract::discrete_gradient::{Acting, DiscreteGradient, Impulse, StepOutcome};
+pub use contract::discrete_gradient::{DiscreteGradient, Impulse, StepOutcome};
 pub use contract::disjoint_sets::DisjointSets;
 pub use contract::elsewhere::Elsewhere;
 pub use contract::exchange::{Alone, Exchange, Message, ThreadRank, Traffic, runs_of_ranks};

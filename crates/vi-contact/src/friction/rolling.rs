@@ -15,7 +15,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{Anchor, Anchors, Held, Pressed};
+use super::{Anchor, Anchors, Bristles, Held, Pressed};
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepSettings};
 
@@ -180,8 +180,17 @@ impl Contact<'_> {
         let slip = slip - axis.normal * axis.normal.dot(&slip);
         let stiffness = self.surface.bristle_stiffness(partners)?;
         let stored = before.map_or(0.0, |anchor| anchor.energy(stiffness));
-        let response = settings.response(law.damping);
-        let held = Held::new((stretch, stored), slip, &tangents, stiffness, response, law.friction, pressed);
+        let bristles = Bristles {
+            partners,
+            stretch,
+            stored,
+            stiffness,
+            coefficient: law.friction,
+            response: settings.response(law.damping),
+            nodes: &nodes,
+            weights: &weights,
+        };
+        let held = Held::new(&bristles, slip, &tangents, pressed);
         let anchor = Anchor { partners, cell: frame, stretch: held.end };
         Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
     }

@@ -7,7 +7,7 @@ use super::ContactPotential;
 use super::step::UNDAMPED;
 use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Pressed, Step};
-use crate::pairs::{Contact, Group, Partners, StepPair, in_order};
+use crate::pairs::{Contact, Group, StepPair, in_order};
 use crate::surface::Gauge;
 
 /// The fraction of the stiffness of bristles below which the layer is stiffer than it is: see
@@ -27,17 +27,6 @@ fn covector<'a>(
 /// Returns the force that presses a group of pairs together, N.
 pub(super) fn pressing(pairs: &[StepPair]) -> f64 {
     pairs.iter().map(StepPair::force).sum::<Vec3>().norm()
-}
-
-/// Returns whether friction slides in the direction opposite to that at the last evaluation. It should then stick for
-/// this evaluation, as if the normal force were unlimited.
-pub(super) fn reverses(
-    out: &mut Acting,
-    partners: Partners,
-    sliding: Option<[f64; 2]>,
-    traction: Vec3,
-) -> bool {
-    sliding.is_some() && out.reverses(partners.number(), traction.into())
 }
 
 /// The data of the tangents of a friction force.
@@ -61,14 +50,22 @@ impl Sliding<'_> {
             first.iter().zip(second).map(|(first, second)| first * a + second * b).collect()
         };
         let Some([a, b]) = self.direction else {
-            for along in self.along {
-                out.add_tangent(covector(nodes, along, stiffness), covector(nodes, along, 1.0));
+            for (k, along) in self.along.into_iter().enumerate() {
+                let mut direction = [0.0; 2];
+                direction[k] = stiffness;
+                let right = covector(nodes, along, 1.0);
+                out.add_friction_tangent(direction, covector(nodes, along, stiffness), right);
             }
             return;
         };
         // If a pair slides, its traction rotates with the slip and grows with the pressure.
         let across = combined(-b, a);
-        out.add_tangent(covector(nodes, &across, stiffness), covector(nodes, &across, 1.0));
+        let direction = [-stiffness * b, stiffness * a];
+        out.add_friction_tangent(
+            direction,
+            covector(nodes, &across, stiffness),
+            covector(nodes, &across, 1.0),
+        );
         let traction = combined(a, b);
         let force: Vec3 = pairs.iter().map(StepPair::force).sum();
         let pressure = force.norm();
@@ -79,7 +76,8 @@ impl Sliding<'_> {
             pair.each_tangent(|along, change| {
                 let on_first: Vec3 = along[..pair.partners.first_count()].iter().sum();
                 let factor = -force.dot(&on_first) / pressure;
-                out.add_tangent(
+                out.add_friction_tangent(
+                    [self.coefficient * a, self.coefficient * b],
                     covector(nodes, &traction, self.coefficient),
                     covector(&pair.nodes, change, factor),
                 );
@@ -179,20 +177,12 @@ impl ContactPotential {
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
         let Some(Step { anchors, settings }) = &self.step else { return };
         let partners = pairs[0].partners;
-        let stiffness = out.stiffness;
-        let rub =
-            |force: f64| self.contact().rub(partners, Pressed { force, stiffness }, x, anchors, settings);
-        let mut friction = rub(pressing(pairs));
-        if friction.as_ref().is_some_and(|pair| reverses(out, partners, pair.sliding, pair.traction)) {
-            friction = rub(f64::MAX);
-        }
-        let Some(FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. }) =
-            &friction
-        else {
-            return;
-        };
+        let pressed = Pressed { force: pressing(pairs), iterate: Some(out) };
+        let friction = self.contact().rub(partners, pressed, x, anchors, settings);
+        let Some(pair) = &friction else { return };
+        let FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. } = pair;
         if *traction != Vec3::zeros() || *stiffness != 0.0 {
-            out.add_friction(covector(nodes, gradient, 1.0));
+            out.add_friction(pair.rubbing, covector(nodes, gradient, 1.0));
             let sliding = Sliding {
                 nodes,
                 along: [&along[0], &along[1]],

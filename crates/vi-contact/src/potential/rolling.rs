@@ -9,7 +9,7 @@ use vi_core::{
     packed_len,
 };
 
-use super::acting::{Sliding, pressing, reverses};
+use super::acting::{Sliding, pressing};
 use super::book::Book;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
@@ -105,20 +105,16 @@ impl RollingPotential {
     fn add_friction(&self, pairs: &[StepPair], x: [&[f64]; 2], step: &Step, out: &mut Acting) {
         let contact = self.contact.contact();
         let partners = pairs[0].partners;
-        let stiffness = out.stiffness;
-        let roll = |force: f64| {
-            contact.roll(partners, Pressed { force, stiffness }, x, &step.anchors, &step.settings)
-        };
-        let mut rubbing = roll(pressing(pairs));
-        if rubbing.as_ref().is_some_and(|pair| reverses(out, partners, pair.held.sliding, pair.held.traction))
-        {
-            rubbing = roll(f64::MAX);
-        }
-        let (Some(pair), Some(law)) = (rubbing, contact.law_of(partners)) else { return };
+        let pressed = Pressed { force: pressing(pairs), iterate: Some(out) };
+        let rolling = contact.roll(partners, pressed, x, &step.anchors, &step.settings);
+        let (Some(pair), Some(law)) = (rolling, contact.law_of(partners)) else { return };
         let nodes = contact.rolling_nodes(partners, pair.cell);
         let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
         let gradient = spread(pair.held.traction);
-        out.add_friction(nodes.into_iter().zip(gradient.map(|vector| vector.into())));
+        out.add_friction(
+            pair.held.rubbing(partners),
+            nodes.into_iter().zip(gradient.map(|vector| vector.into())),
+        );
         let along = pair.tangents.map(spread);
         let sliding = Sliding {
             nodes: &nodes,

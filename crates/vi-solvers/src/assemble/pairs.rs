@@ -2,7 +2,9 @@
 //! their complete tangents on the free coordinates: ∂G/∂q₁ = Σ a ⊗ b. Friction follows pressure, but pressure does not
 //! follow friction, so this matrix is not symmetric.
 
-use vi_core::{Acting, Coordinates};
+use std::sync::Arc;
+
+use vi_core::{Acting, Coordinates, System};
 
 use crate::index::{NONE, free_of};
 use crate::linear::unsymmetric::Unsymmetric;
@@ -57,14 +59,29 @@ impl Pairs {
         }
     }
 
-    /// Forgets in which directions pairs slid.
+    /// Forgets the predicted tractions.
     pub(crate) fn restart(&mut self) {
         self.acting.restart();
     }
 
-    /// Returns whether pairs stick for this evaluation only because their direction of sliding reversed.
-    pub(crate) fn has_reversals(&self) -> bool {
-        self.acting.reversals() > 0
+    /// Returns the number of pairs whose traction of friction does not obey its law at the last evaluation; `None` without
+    /// friction.
+    pub(crate) fn unlawful(&self) -> Option<usize> {
+        self.acting.unlawful()
+    }
+
+    /// Predicts the tractions of friction after a change of the free coordinates at the end of the step by factor · `delta`.
+    pub(crate) fn predict(&mut self, factor: f64, delta: &[f64]) {
+        let Self { acting, entries, ends, .. } = self;
+        acting.predict(|tangent| {
+            let right = &entries[ends[2 * tangent] as usize..ends[2 * tangent + 1] as usize];
+            factor * right.iter().map(|&(k, value)| value * delta[k as usize]).sum::<f64>()
+        });
+    }
+
+    /// Sets how far a unit force moves each node; see [`Acting::mobility`].
+    pub(crate) fn set_mobility(&mut self, mobility: Arc<[f64]>) {
+        self.acting.mobility = mobility;
     }
 
     /// Returns whether friction has acted since the last restart.
@@ -80,6 +97,11 @@ impl Pairs {
     /// Makes the tangents include those of the directions of forces; see [`Acting::turns`].
     pub(crate) fn set_turns(&mut self, turns: bool) {
         self.acting.turns = turns;
+    }
+
+    /// Bounds the stiffness of bristles that stick; see [`Acting::penalty`].
+    pub(crate) fn set_penalty(&mut self, penalty: f64) {
+        self.acting.penalty = penalty;
     }
 
     /// Adds factor · (Σ |a| ⊗ |b|) |v| to `out`: a bound on how a change of coordinates by v changes the forces.
@@ -140,4 +162,19 @@ pub(crate) fn in_own_axes(coordinates: &Coordinates, node: u32, vector: [f64; 3]
         Some(axes) => axes.map(|axis| axis.iter().zip(vector).map(|(e, v)| e * v).sum()),
         None => vector,
     }
+}
+
+/// Returns how far a unit force moves each node, m/N, if it moves a free coordinate of mass m by `per_mass`/m: the mean of the three
+/// coordinates of the node, of which those that are not free do not move. A node that is tied moves with the nodes that it is tied to.
+pub(crate) fn mobility(system: &System, per_mass: f64) -> Arc<[f64]> {
+    let coordinates = system.coordinates();
+    let mut mobility = vec![0.0; coordinates.dof_count() / 3];
+    for (dof, mass) in coordinates.free().iter().zip(system.free_mass()) {
+        mobility[*dof as usize / 3] += per_mass / (3.0 * mass);
+    }
+    let of = |node: usize| match coordinates.combination(node as u32) {
+        Some(terms) => terms.iter().map(|&(k, weight)| weight * weight * mobility[k as usize]).sum(),
+        None => mobility[node],
+    };
+    (0..mobility.len()).map(of).collect()
 }

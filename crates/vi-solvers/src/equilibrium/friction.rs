@@ -52,7 +52,9 @@ impl Friction {
         if !live.dissipates(x) {
             return Ok(None);
         }
-        let pairs = Pairs::new(system.coordinates());
+        let mut pairs = Pairs::new(system.coordinates());
+        // There is no inertia, so the stiffness of bristles is the only scale.
+        pairs.set_mobility(vec![0.0; x.len() / 3].into());
         let product = vec![0.0; system.coordinates().free_count()];
         Ok(Some(Self { live, pairs, start: x.to_vec(), product, rubbed: rubbed.clone() }))
     }
@@ -90,9 +92,14 @@ impl Friction {
         self.pairs.add_product(1.0, v, out);
     }
 
-    /// Returns whether pairs stick only because their direction of sliding reversed.
-    pub(crate) fn has_reversals(&self) -> bool {
-        self.pairs.has_reversals()
+    /// Returns the number of pairs whose traction does not obey the law of friction at the last evaluation; `None` without friction.
+    pub(crate) fn unlawful(&self) -> Option<usize> {
+        self.pairs.unlawful()
+    }
+
+    /// Predicts the tractions of friction after a change of the free coordinates by factor · `delta`.
+    pub(crate) fn predict(&mut self, factor: f64, delta: &[f64]) {
+        self.pairs.predict(factor, delta);
     }
 
     /// Accepts an equilibrium at positions x, from which the next step begins.

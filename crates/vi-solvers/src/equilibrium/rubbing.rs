@@ -154,7 +154,10 @@ impl Frictional for Rubbing<'_, '_> {
                 self.stop.scale = self.stop.scale.max(longest * energy.abs());
             }
             eta = (energy.abs() / self.stop.scale).sqrt();
-            let reverses = self.balance.friction.as_ref().is_some_and(|friction| friction.has_reversals());
+            let unlawful = self.balance.friction.as_ref().and_then(|friction| friction.unlawful());
+            if let Some(friction) = &mut self.balance.friction {
+                friction.predict(longest, &delta);
+            }
             let before = self.balance.scaled_norm(&r);
             let place = self.q.clone();
             let mut fraction = longest;
@@ -173,7 +176,7 @@ impl Frictional for Rubbing<'_, '_> {
                 eta,
                 size: size.abs(),
                 is_whole: fraction == 1.0 && !is_cut,
-                reverses,
+                unlawful,
                 is_at_resolution,
             };
             if vectors::max_abs(self.q.len(), |k| self.q[k] - self.start[k]) > extent {

@@ -14,6 +14,7 @@
 //! The kink of friction is the subject of `soft_bristles`.
 
 use crate::assemble::evaluator::Evaluator;
+use crate::assemble::live::END_PER_STAGE;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
@@ -130,7 +131,7 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
     fn best_start(&mut self) -> Start {
         let Self { solve, .. } = self;
         let mut size = |start: Start| {
-            solve.evaluator.begin_pairs(solve.system);
+            begin_pairs(solve);
             solve.equations.start(start);
             solve.equations.limit_start(solve.evaluator);
             solve.evaluate().map_or(f64::INFINITY, |()| solve.equations.residual_size())
@@ -165,7 +166,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         let is_extrapolated = matches!(start, Start::Predicted | Start::Stiff);
         let start = if is_extrapolated && is_direct(self.solve) { self.best_start() } else { start };
         let Self { solve, .. } = self;
-        solve.evaluator.begin_pairs(solve.system);
+        begin_pairs(solve);
         solve.equations.start(start);
         solve.equations.limit_start(solve.evaluator);
     }
@@ -196,9 +197,10 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         // The number of products with a new factor of the model.
         let mut with_new = None;
         solve.evaluator.set_turns(false);
+        solve.evaluator.set_penalty(progress.penalty());
         solve.evaluate()?;
         let longest = solve.equations.longest_correction(solve.evaluator);
-        for _ in 0..aim.most {
+        loop {
             let [energy, size];
             let was_direct = is_direct;
             if is_direct {
@@ -239,12 +241,12 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
             solve.equations.advance(1.0);
             let scale = solve.equations.energy_scale();
             let last = std::mem::replace(&mut eta, relative_error(energy, scale));
-            let reverses = solve.evaluator.pairs().is_some_and(Pairs::has_reversals);
+            let unlawful = solve.evaluator.pairs().and_then(Pairs::unlawful);
             let verdict = progress.judge(&Iteration {
                 eta,
                 size,
                 is_whole,
-                reverses,
+                unlawful,
                 is_at_resolution: is_round_off || solve.equations.is_at_resolution(),
             });
             match verdict {
@@ -258,17 +260,21 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 Verdict::Hopeless => break,
                 Verdict::Continue => {}
             }
+            solve.evaluator.set_penalty(progress.penalty());
             if is_direct {
                 solve.evaluator.set_turns(eta < NEAR);
             }
-            newton.anderson.advance(solve.equations.correction().0, 1.0);
+            let (delta, _) = solve.equations.correction();
+            newton.anderson.advance(delta, 1.0);
+            solve.evaluator.predict_tractions(END_PER_STAGE, delta);
             let contracts = eta < KEEPING * last;
             let is_made = approach(solve)? == 1.0;
             if !is_made {
                 progress.interrupt();
             }
-            let will_reverse = solve.evaluator.pairs().is_some_and(Pairs::has_reversals);
-            let is_smooth = is_whole && is_made && !reverses && !will_reverse;
+            let is_lawful = |unlawful: Option<usize>| unlawful.is_none_or(|count| count == 0);
+            let remain = solve.evaluator.pairs().and_then(Pairs::unlawful);
+            let is_smooth = is_whole && is_made && is_lawful(unlawful) && is_lawful(remain);
             is_steady = may_keep && contracts && is_smooth && is_direct == was_direct;
             let may_gain = !contracts || with_new.is_none_or(|with_new| products > 2 * with_new);
             if solves as f64 > 2.0 + solve.inverse.costs().refactor() && products > 4 && may_gain {
@@ -277,6 +283,12 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         }
         Err(SolverError::NoConvergence { iterations: aim.most, residual: eta, tolerance: aim.tolerance })
     }
+}
+
+/// Makes evaluations list the forces of pairs, without predictions of friction.
+fn begin_pairs<E: PairEquations>(solve: &mut Solve<'_, E>) {
+    let c = solve.equations.coefficient();
+    solve.evaluator.begin_pairs(solve.system, END_PER_STAGE * c);
 }
 
 /// Returns the error of a correction with this energy (J), relative to `scale` (J).

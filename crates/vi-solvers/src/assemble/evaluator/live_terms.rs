@@ -5,7 +5,7 @@ use vi_core::{Impulse, Meeting, StepOutcome, System};
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
 use crate::assemble::live::LiveState;
-use crate::assemble::pairs::Pairs;
+use crate::assemble::pairs::{Pairs, mobility};
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 
@@ -69,11 +69,21 @@ impl Evaluator {
         live.has_candidates(start, end)
     }
 
-    /// Makes further evaluations list the forces of live terms pair by pair.
-    pub(crate) fn begin_pairs(&mut self, system: &System) {
+    /// Makes further evaluations list the forces of live terms pair by pair. A unit force moves a free coordinate of mass m by
+    /// `per_mass`/m at the end of the step.
+    pub(crate) fn begin_pairs(&mut self, system: &System, per_mass: f64) {
         self.lists_pairs = true;
         self.gradient_is_of_x = false;
-        self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates())).restart();
+        let pairs = self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates()));
+        pairs.restart();
+        pairs.set_mobility(mobility(system, per_mass));
+    }
+
+    /// Predicts the tractions of friction after a change of the free coordinates at the end of the step by factor · `delta`.
+    pub(crate) fn predict_tractions(&mut self, factor: f64, delta: &[f64]) {
+        if let Some(pairs) = &mut self.pairs {
+            pairs.predict(factor, delta);
+        }
     }
 
     /// Makes further evaluations sum the forces of live terms as usual.
@@ -100,6 +110,13 @@ impl Evaluator {
     pub(crate) fn set_turns(&mut self, turns: bool) {
         if let Some(pairs) = &mut self.pairs {
             pairs.set_turns(turns);
+        }
+    }
+
+    /// Bounds the stiffness of bristles that stick, as a multiple of the inertia of the nodes of their pairs.
+    pub(crate) fn set_penalty(&mut self, penalty: f64) {
+        if let Some(pairs) = &mut self.pairs {
+            pairs.set_penalty(penalty);
         }
     }
 

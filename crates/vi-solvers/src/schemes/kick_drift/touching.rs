@@ -15,6 +15,7 @@ use std::sync::Arc;
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
 use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
+use crate::assemble::pairs::mobility;
 use crate::assemble::passage::{Passage, Remembered, check_narrowest};
 use crate::error::SolverError;
 use crate::index::free_of;
@@ -55,6 +56,8 @@ pub(super) struct Touching {
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
     acting: Acting,
+    /// The duration of the drift for which nodes have their mobility, s.
+    mobility_h: f64,
     small: Small,
     y: Vec<f64>,
     x_start: Vec<f64>,
@@ -94,6 +97,7 @@ impl Touching {
             tolerance,
             free_of: free_of(coordinates),
             acting: Acting::default(),
+            mobility_h: 0.0,
             small: Small::new(count / 3),
             y: Vec::new(),
             x_start: vec![0.0; count],
@@ -314,6 +318,10 @@ impl Frictional for Drift<'_> {
         touching.y.clone_from(&touching.small.drifted);
         touching.small.begin();
         touching.acting.restart();
+        if touching.mobility_h != *h {
+            touching.acting.mobility = mobility(system, 0.5 * *h * *h);
+            touching.mobility_h = *h;
+        }
         let mut delta: Vec<f64> = touching.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
         *is_free = touching.shorten(system, &state.q, &mut delta, state.t + *h, true);
         if !*is_free {
@@ -344,7 +352,7 @@ impl Frictional for Drift<'_> {
         let mut delta = vec![0.0; state.q.len()];
         let mut eta = f64::INFINITY;
         touching.acting.stiffness = aim.stiffness;
-        for _ in 0..aim.most {
+        loop {
             coordinates.embed(&touching.y, t, &mut touching.x_end);
             if touching.lists.version() != version {
                 version = touching.lists.version();
@@ -353,6 +361,7 @@ impl Frictional for Drift<'_> {
             touching.acting.clear();
             let is_near = eta < NEAR;
             touching.acting.turns = is_near;
+            touching.acting.penalty = progress.penalty();
             for term in &terms {
                 term.acting(&touching.x_start, &touching.x_end, &mut touching.acting);
             }
@@ -382,7 +391,7 @@ impl Frictional for Drift<'_> {
                 small.spread(&mut whole, f64::INFINITY);
             }
             let is_at_resolution = small.is_at_resolution(mass, &state.q, RESOLUTION);
-            let reverses = acting.reversals() > 0;
+            let unlawful = acting.unlawful();
             let from = std::mem::take(&mut touching.y);
             let is_whole = touching.shorten(system, &from, &mut delta, t, false) && is_short;
             touching.y = from;
@@ -390,7 +399,9 @@ impl Frictional for Drift<'_> {
                 make_uniform(&whole, &mut delta);
             }
             vectors::update(&mut touching.y, |k, y| *y += delta[k]);
-            match progress.judge(&Iteration { eta, size, is_whole, reverses, is_at_resolution }) {
+            let small = &touching.small;
+            touching.acting.predict(|tangent| small.along(tangent, &delta));
+            match progress.judge(&Iteration { eta, size, is_whole, unlawful, is_at_resolution }) {
                 Verdict::Solved => return Ok(()),
                 Verdict::Hopeless => break,
                 Verdict::Continue => {}

@@ -202,6 +202,16 @@ impl Small {
         parts.map(|(&k, residual)| residual * residual / mass[k as usize]).sum::<f64>().sqrt()
     }
 
+    /// Returns the product of the right factor of a tangent and a change of the free coordinates.
+    pub(super) fn along(&self, tangent: usize, delta: &[f64]) -> f64 {
+        let of_node = |&(place, value): &(u32, Vector3<f64>)| -> f64 {
+            let free = &self.free[3 * place as usize..3 * place as usize + 3];
+            let moved = |axis: usize| if free[axis] == NONE { 0.0 } else { delta[free[axis] as usize] };
+            (0..3).map(|axis| value[axis] * moved(axis)).sum()
+        };
+        self.tangents.of(2 * tangent + 1).iter().map(of_node).sum()
+    }
+
     /// Writes δ to the free coordinates, with length `longest` (m) at nodes where it is longer. Returns whether it was
     /// longer at no node.
     pub(super) fn spread(&self, delta: &mut [f64], longest: f64) -> bool {
