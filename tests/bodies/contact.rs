@@ -30,23 +30,13 @@ ledger = true
     )
 }
 
-/// Returns the largest |H − H₀ − dissipated energy| relative to the largest kinetic energy.
-fn drift(program: &Program) -> f64 {
-    let history = program.history();
-    let [total, friction, damping] =
-        ["total", "friction", "contact_damping"].map(|name| history.column(name));
-    let kinetic = history.column("kinetic").into_iter().fold(0.0, f64::max);
-    let kept = |row: usize| total[row] - friction[row] - damping[row];
-    (0..total.len()).map(|row| (kept(row) - kept(0)).abs()).fold(0.0, f64::max) / kinetic
-}
-
 #[test]
 fn a_block_bounces_on_a_floor_and_keeps_its_energy() {
     for (scheme, bound) in [("energy-momentum", 1e-9), ("implicit-midpoint", 2e-2), ("stormer-verlet", 2e-2)]
     {
         let program = Program::run(&block(scheme, ""));
         let history = program.history();
-        let found = drift(&program);
+        let found = program.history().imbalance();
         assert!(found < bound, "{scheme}: {found:e}");
         assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
         assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
@@ -105,7 +95,7 @@ fn rigid_and_quadratic_bodies_rub_and_their_accounts_close() {
     {
         let program = Program::run(&heap(scheme, ""));
         let history = program.history();
-        let found = drift(&program);
+        let found = program.history().imbalance();
         assert!(found < bound, "{scheme}: {found:e}");
         let friction = history.column("friction");
         assert!(friction.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12), "{scheme}");
@@ -235,7 +225,7 @@ fixed = true
         let flight = a.iter().zip(&b).take(landed);
         assert!(flight.into_iter().all(|(a, b)| (a - b).abs() < 1e-12 * (1.0 + a.abs())), "{name}");
     }
-    assert!(drift(&of_mesh) < 1e-8);
+    assert!(of_mesh.history().imbalance() < 1e-8);
     let open = Program::try_run(&scene(&mesh(file("open.obj", &faces[12..])), [0.0; 3]), &[]);
     assert_eq!(open.code(), Some(2));
     assert!(
@@ -345,7 +335,7 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     // The weight of 8 kg was lifted by this distance.
     let energy = moved["potential_energy"].as_f64().unwrap();
     assert!((energy / (8.0 * 9.81 * by) - 1.0).abs() < 1e-12, "{moved}");
-    assert!(drift(&program) < 1e-9);
+    assert!(program.history().imbalance() < 1e-9);
     let through = heap("energy-momentum", "")
         .replace("position = [0.0, 0.0, 0.03]", "position = [0.0, 0.0, 0.01]")
         .replace("[contact]", "[contact]\nresolve = true");
@@ -421,7 +411,10 @@ smallest_gap = 1e-9
         let skipped = &report["contact"]["reasons_to_skip"];
         assert_eq!(skipped["a rigid body does not meet itself"], 2, "{scheme}: {skipped}");
         assert_eq!(report["contact"]["pairs_of_bodies_searched"], 4, "{scheme}: {}", report["contact"]);
-        assert!(drift(&program) < if scheme == "energy-momentum" { 1e-8 } else { 3e-2 }, "{scheme}");
+        assert!(
+            program.history().imbalance() < if scheme == "energy-momentum" { 1e-8 } else { 3e-2 },
+            "{scheme}"
+        );
     }
 }
 

@@ -131,6 +131,15 @@ impl History {
         *self.column(name).last().unwrap()
     }
 
+    /// Returns the largest |H − H₀ − dissipated energy| relative to the largest kinetic energy, of a scene with contact.
+    pub(crate) fn imbalance(&self) -> f64 {
+        let [total, friction, damping] =
+            ["total", "friction", "contact_damping"].map(|name| self.column(name));
+        let kinetic = self.column("kinetic").into_iter().fold(0.0, f64::max);
+        let kept = |row: usize| total[row] - friction[row] - damping[row];
+        (0..total.len()).map(|row| (kept(row) - kept(0)).abs()).fold(0.0, f64::max) / kinetic
+    }
+
     /// Returns the value in the row at time t.
     pub(crate) fn at(&self, name: &str, t: f64) -> f64 {
         let times = self.column("t");

@@ -163,7 +163,7 @@ impl Held {
             stored,
             end,
         };
-        let Some(acting) = pressed.iterate.filter(|acting| !acting.mobility.is_empty()) else { return law };
+        let Some(acting) = pressed.iterate.filter(|acting| !acting.compliance.is_empty()) else { return law };
         if limit == 0.0 {
             return law;
         }
@@ -190,7 +190,8 @@ impl Bristles<'_> {
     /// Returns the force that moves both parts by a unit slip if only the inertia of their nodes resists, N/m.
     fn resistance(&self, acting: &Acting) -> f64 {
         let parts = self.nodes.iter().zip(self.weights);
-        let moved: f64 = parts.map(|(&node, &weight)| weight * weight * acting.mobility[node as usize]).sum();
+        let moved: f64 =
+            parts.map(|(&node, &weight)| weight * weight * acting.compliance[node as usize]).sum();
         moved.recip()
     }
 }

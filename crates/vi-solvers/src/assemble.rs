@@ -2,6 +2,7 @@
 //! matrix. Also holds the evaluator that steppers call. All sums give the same bits on any number of threads.
 
 pub(crate) mod assembler;
+pub(crate) mod compliance;
 pub(crate) mod energy;
 pub(crate) mod evaluator;
 pub(crate) mod filtered;

@@ -62,8 +62,8 @@ pub(super) struct Linearised {
 
 /// The largest part of the stiffness of a bristle by which its slip decides whether it sticks. If inertia resists more than the
 /// bristle, slips alone decide without this bound, and pairs slide to and fro. Of the 100 scenes of `stress --contact --seed 1` with
-/// masses of 1 : 1000, four fail by name with 1, and none with 0.1, 0.03 and 0.01 (measured while tied nodes had no mobility); 100 scenes of stacks take 74 000
-/// iterations with 0.1, and 103 000 with 0.01.
+/// masses of 1 : 1000, four fail by name with 1, and none with 0.1, 0.03 and 0.01; 50 scenes of stacks take 74 000 iterations with
+/// 0.1, and 103 000 with 0.01. Both were measured while tied nodes had no compliance.
 const LARGEST_PART: f64 = 0.1;
 
 /// Linearises the law of [`stretch`] at the slip u and a predicted traction T̂, both of which may be far from a solution. With the

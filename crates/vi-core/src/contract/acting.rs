@@ -73,9 +73,9 @@ pub struct Acting {
     /// A bound on the stiffness of bristles that stick, as a multiple of the force that moves both parts of the pair by a unit slip.
     /// With a finite bound, tractions follow slips gradually, from iteration to iteration.
     pub penalty: f64,
-    /// How far a unit force moves each node within the step if nothing else holds it, m/N. It weighs predicted tractions against
+    /// The compliance of each node, m/N: how far a unit force moves it within the step if nothing else holds it. It weighs predicted tractions against
     /// slips. If it is empty, slips alone decide which pairs stick.
-    pub mobility: Arc<[f64]>,
+    pub compliance: Arc<[f64]>,
     gradients: Covectors,
     tangents: Covectors,
     rubbing: Vec<Rubbing>,
@@ -91,7 +91,7 @@ impl Default for Acting {
             stiffness: 1.0,
             turns: false,
             penalty: f64::INFINITY,
-            mobility: Arc::default(),
+            compliance: Arc::default(),
             gradients: Covectors::default(),
             tangents: Covectors::default(),
             rubbing: Vec::new(),
@@ -111,9 +111,9 @@ impl Acting {
         self.shares.clear();
     }
 
-    /// Removes everything but the mobility of the nodes.
+    /// Removes everything but the compliance of the nodes.
     pub fn restart(&mut self) {
-        *self = Self { mobility: Arc::clone(&self.mobility), ..Self::default() };
+        *self = Self { compliance: Arc::clone(&self.compliance), ..Self::default() };
     }
 
     /// Returns an empty list for some of the pairs; [`Acting::append`] adds it to this one.
@@ -123,7 +123,7 @@ impl Acting {
             stiffness: self.stiffness,
             turns: self.turns,
             penalty: self.penalty,
-            mobility: Arc::clone(&self.mobility),
+            compliance: Arc::clone(&self.compliance),
             predicted: Arc::clone(&self.predicted),
             ..Self::default()
         }
@@ -240,8 +240,8 @@ fn allowed(rubbing: &Rubbing) -> [f64; 2] {
 mod tests {
     use super::*;
 
-    /// Returns an empty part of a list with one pair that sticks (7) and one that slides along the first tangent (3), each with one
-    /// tangent whose right factor is a unit vector of node 0.
+    /// Returns a list of a tangent without friction, a pair that sticks (7) and a pair that slides along the first direction (3), each
+    /// with one tangent.
     fn two_pairs() -> Acting {
         let mut acting = Acting::default();
         let unit = || [(0, [1.0, 0.0, 0.0])];

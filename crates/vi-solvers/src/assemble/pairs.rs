@@ -6,12 +6,14 @@ use std::sync::Arc;
 
 use vi_core::{Acting, Coordinates, System};
 
+use crate::assemble::compliance::Compliance;
 use crate::index::{NONE, free_of};
 use crate::linear::unsymmetric::Unsymmetric;
 
 /// The forces of pairs at the last evaluation.
 pub(crate) struct Pairs {
     acting: Acting,
+    compliance: Compliance,
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
     /// Places and values of the factors a and b on the free coordinates, alternately, and the end of each.
@@ -22,7 +24,13 @@ pub(crate) struct Pairs {
 impl Pairs {
     pub(crate) fn new(coordinates: &Coordinates) -> Self {
         let free_of = free_of(coordinates);
-        Self { acting: Acting::default(), free_of, entries: Vec::new(), ends: Vec::new() }
+        Self {
+            acting: Acting::default(),
+            compliance: Compliance::default(),
+            free_of,
+            entries: Vec::new(),
+            ends: Vec::new(),
+        }
     }
 
     /// Returns an empty list to which terms append their forces.
@@ -38,7 +46,7 @@ impl Pairs {
 
     /// Adds the forces (N) to `gradient`, which has all coordinates, and collects the tangents on the free coordinates.
     pub(crate) fn close(&mut self, coordinates: &Coordinates, gradient: &mut [f64]) {
-        let Self { acting, free_of, entries, ends } = self;
+        let Self { acting, free_of, entries, ends, .. } = self;
         for covector in acting.gradients() {
             pull_back(coordinates, covector, |node, value| {
                 (0..3).for_each(|axis| gradient[3 * node as usize + axis] += value[axis]);
@@ -79,9 +87,15 @@ impl Pairs {
         });
     }
 
-    /// Sets how far a unit force moves each node; see [`Acting::mobility`].
-    pub(crate) fn set_mobility(&mut self, mobility: Arc<[f64]>) {
-        self.acting.mobility = mobility;
+    /// Sets the compliance of each node, m/N; see [`Acting::compliance`].
+    pub(crate) fn set_compliance(&mut self, compliance: Arc<[f64]>) {
+        self.acting.compliance = compliance;
+    }
+
+    /// Begins a series of iterations over a step in which a unit force moves a free coordinate of mass m by `per_mass`/m.
+    pub(crate) fn begin(&mut self, system: &System, per_mass: f64) {
+        self.restart();
+        self.acting.compliance = self.compliance.over_step(system, per_mass);
     }
 
     /// Returns whether friction has acted since the last restart.
@@ -162,19 +176,4 @@ pub(crate) fn in_own_axes(coordinates: &Coordinates, node: u32, vector: [f64; 3]
         Some(axes) => axes.map(|axis| axis.iter().zip(vector).map(|(e, v)| e * v).sum()),
         None => vector,
     }
-}
-
-/// Returns how far a unit force moves each node, m/N, if it moves a free coordinate of mass m by `per_mass`/m: the mean of the three
-/// coordinates of the node, of which those that are not free do not move. A node that is tied moves with the nodes that it is tied to.
-pub(crate) fn mobility(system: &System, per_mass: f64) -> Arc<[f64]> {
-    let coordinates = system.coordinates();
-    let mut mobility = vec![0.0; coordinates.dof_count() / 3];
-    for (dof, mass) in coordinates.free().iter().zip(system.free_mass()) {
-        mobility[*dof as usize / 3] += per_mass / (3.0 * mass);
-    }
-    let of = |node: usize| match coordinates.combination(node as u32) {
-        Some(terms) => terms.iter().map(|&(k, weight)| weight * weight * mobility[k as usize]).sum(),
-        None => mobility[node],
-    };
-    (0..mobility.len()).map(of).collect()
 }

@@ -54,7 +54,7 @@ impl Friction {
         }
         let mut pairs = Pairs::new(system.coordinates());
         // There is no inertia, so the stiffness of bristles is the only scale.
-        pairs.set_mobility(vec![0.0; x.len() / 3].into());
+        pairs.set_compliance(vec![0.0; x.len() / 3].into());
         let product = vec![0.0; system.coordinates().free_count()];
         Ok(Some(Self { live, pairs, start: x.to_vec(), product, rubbed: rubbed.clone() }))
     }

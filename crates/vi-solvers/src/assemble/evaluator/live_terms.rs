@@ -5,7 +5,7 @@ use vi_core::{Impulse, Meeting, StepOutcome, System};
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
 use crate::assemble::live::LiveState;
-use crate::assemble::pairs::{Pairs, mobility};
+use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 
@@ -74,9 +74,7 @@ impl Evaluator {
     pub(crate) fn begin_pairs(&mut self, system: &System, per_mass: f64) {
         self.lists_pairs = true;
         self.gradient_is_of_x = false;
-        let pairs = self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates()));
-        pairs.restart();
-        pairs.set_mobility(mobility(system, per_mass));
+        self.pairs.get_or_insert_with(|| Pairs::new(system.coordinates())).begin(system, per_mass);
     }
 
     /// Predicts the tractions of friction after a change of the free coordinates at the end of the step by factor · `delta`.

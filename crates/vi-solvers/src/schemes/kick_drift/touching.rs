@@ -14,8 +14,8 @@ use std::sync::Arc;
 
 use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
 
+use crate::assemble::compliance::Compliance;
 use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
-use crate::assemble::pairs::mobility;
 use crate::assemble::passage::{Passage, Remembered, check_narrowest};
 use crate::error::SolverError;
 use crate::index::free_of;
@@ -56,8 +56,7 @@ pub(super) struct Touching {
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
     acting: Acting,
-    /// The duration of the drift for which nodes have their mobility, s.
-    mobility_h: f64,
+    compliance: Compliance,
     small: Small,
     y: Vec<f64>,
     x_start: Vec<f64>,
@@ -97,7 +96,7 @@ impl Touching {
             tolerance,
             free_of: free_of(coordinates),
             acting: Acting::default(),
-            mobility_h: 0.0,
+            compliance: Compliance::default(),
             small: Small::new(count / 3),
             y: Vec::new(),
             x_start: vec![0.0; count],
@@ -318,10 +317,7 @@ impl Frictional for Drift<'_> {
         touching.y.clone_from(&touching.small.drifted);
         touching.small.begin();
         touching.acting.restart();
-        if touching.mobility_h != *h {
-            touching.acting.mobility = mobility(system, 0.5 * *h * *h);
-            touching.mobility_h = *h;
-        }
+        touching.acting.compliance = touching.compliance.over_step(system, 0.5 * *h * *h);
         let mut delta: Vec<f64> = touching.y.iter().zip(&state.q).map(|(y, q)| y - q).collect();
         *is_free = touching.shorten(system, &state.q, &mut delta, state.t + *h, true);
         if !*is_free {
