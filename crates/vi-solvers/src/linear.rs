@@ -1,6 +1,7 @@
 //! Sparse symmetric matrices and solves with them: Cholesky factors, conjugate gradients, minimal residuals, Lanczos.
 
 pub(crate) mod bicgstab;
+pub(crate) mod block_rows;
 pub(crate) mod choice;
 pub(crate) mod cost;
 pub(crate) mod factor;

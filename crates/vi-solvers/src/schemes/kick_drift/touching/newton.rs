@@ -1,12 +1,13 @@
 //! The small system of one Newton step, J δ = −R on the nodes in contact, with J = M + ½h² Σ a ⊗ b.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use vi_core::{Acting, Coordinates, System};
 
 use crate::assemble::pairs::pull_back;
 use crate::error::SolverError;
 use crate::index::NONE;
 use crate::linear::bicgstab;
+use crate::linear::block_rows::{BlockRows, IncompleteLu};
 
 const MOST_PRODUCTS: usize = 400;
 /// A body counts as at rest if its own motion has less than this fraction of the energy that pairs give it.
@@ -57,6 +58,9 @@ pub(super) struct Small {
     force: Vec<f64>,
     residual: Vec<f64>,
     delta: Vec<f64>,
+    /// J/c, and its incomplete factor.
+    matrix: BlockRows,
+    factor: IncompleteLu,
     c: f64,
 }
 
@@ -71,6 +75,8 @@ impl Small {
             force: Vec::new(),
             residual: Vec::new(),
             delta: Vec::new(),
+            matrix: BlockRows::default(),
+            factor: IncompleteLu::default(),
             c: 0.0,
         }
     }
@@ -140,57 +146,20 @@ impl Small {
     /// Solves for δ to the relative error `forcing`; returns δ·(−R).
     pub(super) fn correct(&mut self, mass: &[f64], forcing: f64) -> Result<f64, SolverError> {
         let mass: Vec<f64> =
-            self.free.iter().map(|&k| if k == NONE { 1.0 } else { mass[k as usize] }).collect();
-        let diagonal = |node: usize| Matrix3::from_diagonal(&vector(&mass, node));
-        let mut blocks: Vec<Matrix3<f64>> = (0..self.nodes.len()).map(diagonal).collect();
+            self.free.iter().map(|&k| if k == NONE { 1.0 } else { mass[k as usize] / self.c }).collect();
         let (tangents, c) = (&self.tangents, self.c);
         let count = (tangents.starts.len() - 1) / 2;
-        for number in 0..count {
-            for (row, left) in tangents.of(2 * number) {
-                for (column, right) in tangents.of(2 * number + 1) {
-                    if row == column {
-                        blocks[*row as usize] += left * right.transpose() * c;
-                    }
-                }
-            }
-        }
-        let inverses: Vec<Matrix3<f64>> = blocks
-            .into_iter()
-            .enumerate()
-            .map(|(node, block)| {
-                let of_mass = || Matrix3::from_diagonal(&vector(&mass, node).map(f64::recip));
-                block.try_inverse().unwrap_or_else(of_mass)
-            })
-            .collect();
-        let apply = |v: &[f64], out: &mut [f64]| {
-            for ((out, mass), v) in out.iter_mut().zip(&mass).zip(v) {
-                *out = mass * v;
-            }
-            let (v, out) = (v.as_chunks::<3>().0, out.as_chunks_mut::<3>().0);
-            for number in 0..count {
-                let mut along = 0.0;
-                for (place, value) in tangents.of(2 * number + 1) {
-                    let [x, y, z] = v[*place as usize];
-                    along += value.x * x + value.y * y + value.z * z;
-                }
-                along *= c;
-                for (place, value) in tangents.of(2 * number) {
-                    let out = &mut out[*place as usize];
-                    (0..3).for_each(|axis| out[axis] += along * value[axis]);
-                }
-            }
-        };
-        let precondition = |v: &mut [f64]| {
-            for (three, inverse) in v.chunks_exact_mut(3).zip(&inverses) {
-                let out = inverse * vector(three, 0);
-                three.copy_from_slice(out.as_slice());
-            }
-        };
-        // If the tolerance is not reached, use the last iterate, or what the diagonal blocks give if there is none.
-        let solved =
-            bicgstab::solve(apply, precondition, &self.residual, &mut self.delta, forcing, MOST_PRODUCTS);
+        self.matrix.begin((0..self.nodes.len()).map(|node| vector(&mass, node)));
+        (0..count).for_each(|number| self.matrix.add(tangents.of(2 * number), tangents.of(2 * number + 1)));
+        self.matrix.finish();
+        self.factor.factor(&self.matrix);
+        let apply = |v: &[f64], out: &mut [f64]| self.matrix.apply(v, out);
+        let precondition = |v: &mut [f64]| self.factor.solve(&self.matrix, v);
+        let scaled: Vec<f64> = self.residual.iter().map(|r| r / c).collect();
+        // If the tolerance is not reached, use the last iterate, or what the incomplete factor gives if there is none.
+        let solved = bicgstab::solve(apply, precondition, &scaled, &mut self.delta, forcing, MOST_PRODUCTS);
         if solved.is_none() && self.delta.iter().all(|&value| value == 0.0) {
-            self.delta.copy_from_slice(&self.residual);
+            self.delta.copy_from_slice(&scaled);
             precondition(&mut self.delta);
         }
         Ok(self.delta.iter().zip(&self.residual).map(|(a, b)| a * b).sum())
