@@ -63,7 +63,7 @@ impl Default for ContactTotals {
 pub(super) struct ContactAt {
     /// Force per area without friction, Pa.
     pub(super) traction: [f64; 3],
-    /// Gap to the opposite surface, at most the reach of the search, m.
+    /// Gap to the opposite surface, at most the farthest gap, m.
     pub(super) gap: f64,
     /// Tangential velocity relative to the nearest opposite surface, m/s.
     pub(super) slip: [f64; 3],
@@ -88,13 +88,16 @@ pub(crate) struct ContactWatch {
     bodies: Vec<usize>,
     /// Mean forces over the last step, N.
     forces: Vec<Impulse>,
+    /// The gap of nodes that no surface is near, m.
+    farthest_gap: f64,
     /// The candidates of the last search.
     near: Option<ContactPotential>,
 }
 
 impl ContactWatch {
     pub(crate) fn new(model: ContactModel) -> Self {
-        Self { term: model.term, bodies: model.bodies, forces: Vec::new(), near: None }
+        let ContactModel { term, bodies, farthest_gap } = model;
+        Self { term, bodies, forces: Vec::new(), farthest_gap, near: None }
     }
 
     /// Returns the number of active pairs at positions x of the component, and their smallest gap, m.
@@ -158,7 +161,7 @@ impl ContactWatch {
     /// Returns the nodes of the pair that meets first if all nodes move straight from x to `end`; `None` if none meets.
     pub(super) fn first_to_meet(&self, x: &[f64], end: &[f64]) -> Option<[u32; 4]> {
         let farthest = x.iter().zip(end).map(|(x, end)| (end - x).abs()).fold(0.0, f64::max);
-        let near = self.term.about(x, 2.0 * farthest.max(self.term.distance()));
+        let near = self.term.about(x, 2.0 * farthest.max(self.farthest_gap));
         near.contact().first_impact(x, end).map(|impact| impact.nodes)
     }
 
@@ -171,7 +174,7 @@ impl ContactWatch {
                 let (a, b) = (place(nodes[0]), place(node));
                 (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt()
             };
-            let reach = nodes.into_iter().map(apart).fold(self.term.distance(), f64::max);
+            let reach = nodes.into_iter().map(apart).fold(self.farthest_gap, f64::max);
             let near = self.term.about(x, reach);
             let found = near.contact().gaps(x).find(|gap| gap.has_nodes(&nodes));
             if found.is_some() {
@@ -189,9 +192,9 @@ impl ContactWatch {
         self.term.surface().law(number(first)?, number(second)?)
     }
 
-    /// Returns the distance within which gaps are known, m.
-    pub(super) fn reach(&self) -> f64 {
-        self.term.distance()
+    /// Returns the gap of nodes that no surface is near, m.
+    pub(super) fn farthest_gap(&self) -> f64 {
+        self.farthest_gap
     }
 
     /// Returns the contact forces on a round rigid body with the skeleton `nodes` at positions x and velocities v of the
@@ -229,7 +232,7 @@ impl ContactWatch {
     /// Returns the contact at every node of the component at positions x (m) and velocities v (m/s).
     pub(super) fn fields(&self, x: &[f64], v: &[f64]) -> Vec<ContactAt> {
         let (near, surface) = (self.term.at(x), self.term.surface());
-        let mut all = vec![ContactAt { gap: self.term.distance(), ..ContactAt::default() }; x.len() / 3];
+        let mut all = vec![ContactAt { gap: self.farthest_gap, ..ContactAt::default() }; x.len() / 3];
         let mut nearest = vec![f64::INFINITY; x.len() / 3];
         for pair in near.contact().active(x) {
             let (gradient, sliding) = (pair.gradient(x), near.sliding(&pair, x, v));

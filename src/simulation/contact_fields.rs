@@ -32,7 +32,7 @@ impl Simulation {
             return vec![0.0; points.len() * field.component_count()];
         };
         let (x, v) = (component.system.positions(&component.state), component.velocities());
-        let mut all = vec![ContactAt { gap: watch.reach(), ..ContactAt::default() }; points.len()];
+        let mut all = vec![ContactAt { gap: watch.farthest_gap(), ..ContactAt::default() }; points.len()];
         for Press { place, force, gap, slip } in watch.presses(&x, &v, &rigid.surface_nodes()) {
             let square = |k: usize| (0..3).map(|axis| (places[k][axis] - place[axis]).powi(2)).sum::<f64>();
             let nearest = (1..places.len()).fold(0, |a, b| if square(b) < square(a) { b } else { a });
