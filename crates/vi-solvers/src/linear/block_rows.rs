@@ -232,11 +232,13 @@ mod tests {
     use super::*;
     use crate::linear::bicgstab;
 
+    type Owned = Vec<(u32, Vector3<f64>)>;
+
     /// Returns dyads of four nodes of a chain of `count` nodes, that of the right vectors a little turned.
-    fn dyads(count: u32) -> Vec<[Vec<(u32, Vector3<f64>)>; 2]> {
+    fn dyads(count: u32) -> Vec<[Owned; 2]> {
         let weights = [1.0, -0.5, -0.3, -0.2];
         let normal = |k: f64| Vector3::new((0.3 * k).sin(), (0.3 * k).cos(), 0.2) * 10.0;
-        let part = |first: u32, turn: f64| -> Vec<(u32, Vector3<f64>)> {
+        let part = |first: u32, turn: f64| -> Owned {
             let of = |(a, weight): (u32, &f64)| {
                 ((7 * (first + a)) % count, normal(f64::from(first) + turn) * *weight)
             };
