@@ -35,22 +35,27 @@ impl Clique {
         })
     }
 
+    /// Returns the places of the nodes of a part. Returns `None` if there is no room for them.
+    fn places(&mut self, part: Sparse<'_>) -> Option<[usize; CLIQUE]> {
+        let mut places = [0; CLIQUE];
+        if part.len() > CLIQUE {
+            return None;
+        }
+        for (place, (node, _)) in places.iter_mut().zip(part) {
+            *place = self.place(*node)?;
+        }
+        Some(places)
+    }
+
     /// Adds a dyad. Returns false, and adds nothing, if there is no room for its nodes.
     fn add(&mut self, left: Sparse<'_>, right: Sparse<'_>) -> bool {
-        let mut places = [[0; CLIQUE]; 2];
-        if left.len() > CLIQUE || right.len() > CLIQUE {
+        let before = self.nodes.len();
+        let (Some(rows), Some(columns)) = (self.places(left), self.places(right)) else {
+            self.nodes.truncate(before);
             return false;
-        }
-        for (places, part) in places.iter_mut().zip([left, right]) {
-            for (place, (node, _)) in places.iter_mut().zip(part) {
-                match self.place(*node) {
-                    Some(found) => *place = found,
-                    None => return false,
-                }
-            }
-        }
-        for ((_, a), row) in left.iter().zip(places[0]) {
-            for ((_, b), column) in right.iter().zip(places[1]) {
+        };
+        for ((_, a), row) in left.iter().zip(rows) {
+            for ((_, b), column) in right.iter().zip(columns) {
                 self.sum[row][column] += a * b.transpose();
             }
         }
@@ -91,7 +96,6 @@ impl BlockRows {
         }
         self.flush();
         if !self.clique.add(left, right) {
-            self.clique.nodes.clear();
             for (row, a) in left {
                 for (column, b) in right {
                     *self.block(*row, *column) += a * b.transpose();
