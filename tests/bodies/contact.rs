@@ -36,7 +36,7 @@ fn a_block_bounces_on_a_floor_and_keeps_its_energy() {
     {
         let program = Program::run(&block(scheme, ""));
         let history = program.history();
-        let found = program.history().imbalance();
+        let found = history.imbalance();
         assert!(found < bound, "{scheme}: {found:e}");
         assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
         assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
@@ -95,7 +95,7 @@ fn rigid_and_quadratic_bodies_rub_and_their_accounts_close() {
     {
         let program = Program::run(&heap(scheme, ""));
         let history = program.history();
-        let found = program.history().imbalance();
+        let found = history.imbalance();
         assert!(found < bound, "{scheme}: {found:e}");
         let friction = history.column("friction");
         assert!(friction.windows(2).all(|pair| pair[1] <= pair[0] + 1e-12), "{scheme}");

@@ -47,7 +47,7 @@ pub struct ContactTerm {
 }
 
 impl ContactTerm {
-    /// Returns the contact of surfaces. Nodes may move by `reach` (m) before candidates are searched again; half of
+    /// Returns the contact of surfaces. Nodes may move by `reach` (m) before candidates are searched again; a quarter of
     /// the activation distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
         Self { surface, reach, search: Arc::default(), about: Arc::default() }
@@ -98,11 +98,6 @@ fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl ContactTerm {
-    /// Returns the distance that nodes may move before candidates are searched again, m.
-    pub fn distance(&self) -> f64 {
-        self.reach
-    }
-
     /// Returns the surfaces.
     pub fn surface(&self) -> &Surface {
         &self.surface

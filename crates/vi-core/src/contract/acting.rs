@@ -73,8 +73,8 @@ pub struct Acting {
     /// A bound on the stiffness of bristles that stick, as a multiple of the force that moves both parts of the pair by a unit slip.
     /// With a finite bound, tractions follow slips gradually, from iteration to iteration.
     pub penalty: f64,
-    /// The compliance of each node, m/N: how far a unit force moves it within the step if nothing else holds it. It weighs predicted tractions against
-    /// slips. If it is empty, slips alone decide which pairs stick.
+    /// The compliance of each node, m/N: how far a unit force moves it within the step if nothing else holds it. It weighs predicted
+    /// tractions against slips. If it is empty, slips alone decide which pairs stick.
     pub compliance: Arc<[f64]>,
     gradients: Covectors,
     tangents: Covectors,

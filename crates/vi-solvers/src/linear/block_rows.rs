@@ -106,12 +106,15 @@ impl BlockRows {
 
     /// Adds the clique to the matrix, and empties it.
     fn flush(&mut self) {
-        let Clique { nodes, sum } = std::mem::take(&mut self.clique);
+        let Clique { mut nodes, sum } = std::mem::take(&mut self.clique);
         for (row, parts) in nodes.iter().zip(&sum) {
             for (column, part) in nodes.iter().zip(parts) {
                 *self.block(*row, *column) += part;
             }
         }
+        // The next clique uses the same memory.
+        nodes.clear();
+        self.clique.nodes = nodes;
     }
 
     fn block(&mut self, row: u32, column: u32) -> &mut Matrix3<f64> {
@@ -179,17 +182,13 @@ impl IncompleteLu {
     pub(crate) fn factor(&mut self, matrix: &BlockRows) {
         let count = matrix.row_count();
         self.blocks.clone_from(&matrix.blocks);
-        for row in 0..count {
-            let pivot = matrix.row(row).find(|&k| matrix.columns[k] as usize == row);
-            let pivot = pivot.expect("a matrix begins with its diagonal");
-            self.blocks[pivot] += Matrix3::from_diagonal(&(matrix.blocks[pivot].diagonal() * SHIFT));
-        }
         self.pivots.clear();
         self.number_of.clear();
         self.number_of.resize(count, 0);
         for row in 0..count {
             matrix.row(row).for_each(|k| self.number_of[matrix.columns[k] as usize] = k as u32 + 1);
             let pivot = self.number_of[row] as usize - 1;
+            self.blocks[pivot] += Matrix3::from_diagonal(&(matrix.blocks[pivot].diagonal() * SHIFT));
             for k in matrix.row(row).start..pivot {
                 let above = matrix.columns[k] as usize;
                 let first = self.pivots[above] as usize;

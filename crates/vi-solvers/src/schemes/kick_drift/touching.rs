@@ -4,8 +4,8 @@
 //! R(y) = M (y − u) + ½h² G(x₀, y) = 0,   u = q₀ + h M⁻¹p₀,   p₁ = M (2 (y − q₀)/h − M⁻¹p₀).
 //! ```
 //! The mass is diagonal and the pairs are few. So the system of a Newton step is small; it is not symmetric and is
-//! solved iteratively, without a factor. If a correction would move pairs through each other, the nodes of these pairs
-//! make only a part of it, and all others make the whole correction.
+//! solved iteratively, with an incomplete factor. If a correction would move pairs through each other, the nodes of these
+//! pairs make only a part of it, and all others make the whole correction.
 
 mod lists;
 mod newton;
