@@ -1,6 +1,6 @@
 //! Tests reference cases of contact: the impact of a bar, a block that slides to rest and stays, a box that bounces.
 //!
-//! These are cases H1, H5, H9 and H12 of docs/validation-contact.md, which gives the sources of the numbers.
+//! These are cases H1, H5, H9, H11 and H12 of docs/validation-contact.md, which gives the sources of the numbers.
 
 use crate::program::Program;
 
@@ -35,6 +35,55 @@ fixed = true
     assert!(((p[p.len() - 1] - p[0]) / 6.3246 - 1.0).abs() < 5e-3, "{:?}", p.last());
     let drift = total.iter().map(|e| (e - total[0]).abs()).fold(0.0, f64::max);
     assert!(drift < 1e-10 * 0.5, "{drift:e}");
+}
+
+/// Damped blocks in a stack come to rest, and each interface carries the weight above it in every single step: velocities do not
+/// alternate in the stiff layers and bristles. This is H11 with four blocks.
+#[test]
+fn a_damped_stack_comes_to_rest() {
+    let block = |k: usize| {
+        let below = if k == 1 { "floor".to_owned() } else { format!("block {}", k - 1) };
+        format!(
+            r#"
+[[rigid]]
+name = "block {k}"
+shape = {{ kind = "box", size = [0.1, 0.1, 0.04] }}
+density = 1000.0
+position = [0, 0, {}]
+[[probe]]
+name = "under {k}"
+between = ["block {k}", "{below}"]
+sum = "contact_force"
+"#,
+            0.0402 * k as f64 - 0.02
+        )
+    };
+    let scene = format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.15
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+friction = 0.3
+damping = 1e-2
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+{}"#,
+        (1..=4).map(block).collect::<String>()
+    );
+    let run = Program::run(&scene).history();
+    let kinetic = run.column("kinetic");
+    assert!(*kinetic.last().unwrap() < 1e-16, "{:e}", kinetic.last().unwrap());
+    for k in 1..=4 {
+        let (force, weight) = (run.column(&format!("under {k}.fz")), (5 - k) as f64 * 0.4 * 9.81);
+        for force in &force[force.len() - 2..] {
+            assert!((force / weight - 1.0).abs() < 1e-6, "{k}: {force}");
+        }
+    }
 }
 
 /// On a slope of 30° with μ = 0.7 a block of initial speed 1 m/s stops after v²/(2 g (μ cos − sin)) and does not creep

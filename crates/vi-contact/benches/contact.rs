@@ -52,7 +52,7 @@ fn contact(c: &mut Criterion) {
     let neighbours = Neighbours::find(&surface, &x, margin);
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     let x1: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + 1e-5 * (k as f64).sin()).collect();
-    let settings = StepSettings { duration: 1e-3 };
+    let settings = StepSettings::over(1e-3);
     let (active, candidates) = (contact.active(&x).len() as u64, neighbours.count() as u64);
     let stencils = potential.stencils().count();
     println!("{} triangles, {active} pairs, {candidates} candidates", surface.cells().len());

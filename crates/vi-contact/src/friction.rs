@@ -31,6 +31,9 @@ const SAME_DISTANCE: f64 = 1e-9;
 /// Relative error of a traction that counts as that of its law.
 const LAWFUL: f64 = 1e-6;
 
+/// Round-off of a slip relative to the coordinates of its nodes.
+const RESOLUTION: f64 = 4.0 * f64::EPSILON;
+
 /// A step with friction and damping.
 #[derive(Debug, Clone)]
 pub(crate) struct Step {
@@ -74,6 +77,8 @@ pub struct FrictionPair {
     pub dissipated: f64,
     /// Energy stored at the end, J.
     pub stored: f64,
+    /// Whether the pair slid in the step before.
+    pub slid: bool,
     /// The anchor after the step.
     pub anchor: Anchor,
 }
@@ -107,6 +112,8 @@ pub(crate) struct Bristles<'a> {
     pub(crate) coefficient: f64,
     /// That of [`StepSettings::response`].
     pub(crate) response: f64,
+    /// Round-off of the slip, m.
+    pub(crate) resolution: f64,
     /// The nodes that slip moves, with their weights in it.
     pub(crate) nodes: &'a [u32],
     pub(crate) weights: &'a [f64],
@@ -175,7 +182,8 @@ impl Held {
         let Linearised { traction, stiffness, sliding } =
             linearise(start, along, k, response, limit, prediction);
         let error = size([traction[0] - law.components[0], traction[1] - law.components[1]]);
-        let is_lawful = error <= LAWFUL * limit && sliding.is_some() == law.sliding.is_some();
+        let is_same = error <= LAWFUL * limit && sliding.is_some() == law.sliding.is_some();
+        let is_lawful = is_same || error <= response * k * bristles.resolution;
         Self { traction: vector(traction), components: traction, stiffness, sliding, is_lawful, ..law }
     }
 
@@ -184,6 +192,11 @@ impl Held {
         let Self { components: traction, sliding, is_lawful, .. } = *self;
         Rubbing { pair: partners.number(), traction, sliding, is_lawful }
     }
+}
+
+/// Returns the round-off of a slip that moves these nodes, with all coordinates x, m.
+pub(crate) fn resolution(nodes: &[u32], x: &[f64]) -> f64 {
+    RESOLUTION * nodes.iter().map(|&node| at(x, node).amax()).fold(0.0, f64::max)
 }
 
 impl Bristles<'_> {
@@ -286,6 +299,7 @@ impl Contact<'_> {
             stiffness,
             coefficient: law.friction,
             response: settings.response(law.damping),
+            resolution: resolution(&slip.nodes[..slip.arity], x[1]),
             nodes: &slip.nodes[..slip.arity],
             weights: &slip.weights,
         };
@@ -307,7 +321,8 @@ impl Contact<'_> {
             coefficient: law.friction,
             dissipated: held.dissipated,
             stored: held.stored,
-            anchor: Anchor { partners, cell, stretch: held.end },
+            slid: before.is_some_and(|anchor| anchor.slides),
+            anchor: Anchor { partners, cell, stretch: held.end, slides: held.sliding.is_some() },
         })
     }
 

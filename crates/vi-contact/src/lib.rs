@@ -21,7 +21,7 @@ pub use ccd::{Certificate, Impact, separated_until};
 pub use distance::{Closest, Shape};
 pub use error::ContactError;
 pub use friction::{Anchor, Anchors, FrictionPair};
-pub use pairs::{ActivePair, Blend, Contact, Gap, Partners, StepPair, StepSettings, clusters};
+pub use pairs::{AT_END, ActivePair, Blend, Contact, Gap, Partners, StepPair, StepSettings, clusters};
 pub use potential::{ContactPotential, ContactTerm, RollingTerm};
 pub use surface::{
     Body, Cell, Edge, Gauge, HalfSpace, Law, PairRule, Point, Surface, SurfaceBuilder, median_edge,

@@ -25,7 +25,7 @@ mod step;
 pub use clusters::clusters;
 pub use energy::{ActivePair, Blend};
 pub use gaps::Gap;
-pub use step::{StepPair, StepSettings};
+pub use step::{AT_END, StepPair, StepSettings};
 
 use crate::broad_phase::Neighbours;
 use crate::distance::at;

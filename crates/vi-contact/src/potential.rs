@@ -6,6 +6,7 @@
 
 mod acting;
 mod book;
+mod damping;
 mod rolling;
 mod sliding;
 mod step;

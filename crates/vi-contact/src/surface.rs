@@ -219,6 +219,12 @@ impl Surface {
         self.laws.friction > 0.0 || rules.into_iter().any(|rule| rule.friction.is_some_and(|mu| mu > 0.0))
     }
 
+    /// Returns whether contact between any pair of bodies is damped.
+    pub(crate) fn has_damping(&self) -> bool {
+        let rules = self.laws.rules.values();
+        self.laws.damping > 0.0 || rules.into_iter().any(|rule| rule.damping.is_some_and(|tau| tau > 0.0))
+    }
+
     /// Returns whether there is friction between a round body and another one.
     pub(crate) fn has_rolling(&self) -> bool {
         let count = self.laws.bodies.len() as u32;

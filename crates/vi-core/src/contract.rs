@@ -6,6 +6,7 @@ pub(crate) mod combination;
 pub(crate) mod conserved;
 pub(crate) mod constraint;
 pub(crate) mod coordinates;
+pub(crate) mod damper;
 pub(crate) mod dense;
 pub(crate) mod discrete_gradient;
 pub(crate) mod disjoint_sets;

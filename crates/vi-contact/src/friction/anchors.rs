@@ -5,6 +5,9 @@ use crate::surface::Surface;
 
 use super::FrictionPair;
 
+/// Number of kinds of partners.
+const KINDS: u32 = 3;
+
 /// One stretched bristle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Anchor {
@@ -15,6 +18,8 @@ pub struct Anchor {
     pub cell: u32,
     /// Stretch along both tangents of the frame, m.
     pub stretch: [f64; 2],
+    /// Whether the pair slid in the last step.
+    pub slides: bool,
 }
 
 impl Anchor {
@@ -56,7 +61,7 @@ impl Anchors {
         self.0.iter().map(energy).sum()
     }
 
-    /// Returns six numbers per anchor for a checkpoint: kind, both partners, cell, stretch.
+    /// Returns six numbers per anchor for a checkpoint: kind (plus [`KINDS`] if it slides), both partners, cell, stretch.
     pub fn to_numbers(&self) -> Vec<f64> {
         let numbers = |anchor: &Anchor| {
             let (kind, a, b) = match anchor.partners {
@@ -64,6 +69,7 @@ impl Anchors {
                 Partners::PointPlane(a, b) => (1.0, a, b),
                 Partners::Edges(a, b) => (2.0, a, b),
             };
+            let kind = if anchor.slides { kind + f64::from(KINDS) } else { kind };
             [kind, f64::from(a), f64::from(b), f64::from(anchor.cell), anchor.stretch[0], anchor.stretch[1]]
         };
         self.0.iter().flat_map(numbers).collect()
@@ -80,11 +86,11 @@ impl Anchors {
         let mut anchors = Vec::with_capacity(numbers.len() / 6);
         for six in numbers.chunks_exact(6) {
             let (a, b) = (index(six[1])?, index(six[2])?);
-            let partners = match index(six[0])? {
+            let kind = index(six[0])?;
+            let partners = match kind % KINDS {
                 0 => Partners::PointBody(a, b),
                 1 => Partners::PointPlane(a, b),
-                2 => Partners::Edges(a, b),
-                _ => return None,
+                _ => Partners::Edges(a, b),
             };
             let cell = index(six[3])?;
             let known = match partners {
@@ -98,10 +104,10 @@ impl Anchors {
                 }
                 Partners::Edges(a, b) => surface.edges.len() > a.max(b) as usize,
             };
-            if !(known && six[4].is_finite() && six[5].is_finite()) {
+            if !(known && kind < 2 * KINDS && six[4].is_finite() && six[5].is_finite()) {
                 return None;
             }
-            anchors.push(Anchor { partners, cell, stretch: [six[4], six[5]] });
+            anchors.push(Anchor { partners, cell, stretch: [six[4], six[5]], slides: kind >= KINDS });
         }
         anchors.is_sorted_by(|a, b| a.partners < b.partners).then_some(Self(anchors))
     }

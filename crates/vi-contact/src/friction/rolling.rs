@@ -15,7 +15,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{Anchor, Anchors, Bristles, Held, Pressed};
+use super::{Anchor, Anchors, Bristles, Held, Pressed, resolution};
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepSettings};
 
@@ -36,6 +36,10 @@ pub(crate) struct RollingPair {
     /// Orthonormal directions normal to the axis.
     pub(crate) tangents: [Vec3; 2],
     pub(crate) held: Held,
+    /// Force that presses the two parts together, N.
+    pub(crate) pressing: f64,
+    /// Whether the pair slid in the step before.
+    pub(crate) slid: bool,
     /// The anchor after the step.
     pub(crate) anchor: Anchor,
 }
@@ -187,12 +191,24 @@ impl Contact<'_> {
             stiffness,
             coefficient: law.friction,
             response: settings.response(law.damping),
+            resolution: resolution(&nodes, x[1]),
             nodes: &nodes,
             weights: &weights,
         };
         let held = Held::new(&bristles, slip, &tangents, pressed);
-        let anchor = Anchor { partners, cell: frame, stretch: held.end };
-        Some(RollingPair { partners, cell, weights, slip, tangents, held, anchor })
+        let anchor = Anchor { partners, cell: frame, stretch: held.end, slides: held.sliding.is_some() };
+        let slid = before.is_some_and(|anchor| anchor.slides);
+        Some(RollingPair {
+            partners,
+            cell,
+            weights,
+            slip,
+            tangents,
+            held,
+            pressing: pressed.force,
+            slid,
+            anchor,
+        })
     }
 
     /// Returns the weights of the point of contact on both sides, those of the second with the opposite sign.
@@ -323,7 +339,7 @@ mod tests {
     }
 
     fn rolling(contact: &Contact<'_>, x: [&[f64]; 2], anchors: &Anchors) -> Vec<RollingPair> {
-        let settings = StepSettings { duration: 1e-3 };
+        let settings = StepSettings::over(1e-3);
         let mut pressed: BTreeMap<Partners, Vec3> = BTreeMap::new();
         for pair in contact.step(x[0], x[1], &settings) {
             *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += StepPair::force(&pair);

@@ -5,12 +5,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Acting, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, Traits, Tube,
-    packed_len,
+    Account, Acting, Damper, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, StepSpan,
+    Traits, Tube, packed_len,
 };
 
 use super::acting::{Sliding, pressing};
 use super::book::Book;
+use super::damping::TangentialDampers;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, Pressed, RollingPair, Step};
@@ -251,10 +252,28 @@ impl DiscreteGradient for RollingPotential {
         }
     }
 
-    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
+    fn over_step(&self, span: StepSpan, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         let anchors = Anchors::from_numbers(memory, self.contact.surface())?;
-        let step = Some(Step { settings: StepSettings { duration }, anchors });
+        let step = Some(Step { settings: StepSettings::of(span), anchors });
         Some(Arc::new(Self { step, ..self.clone() }))
+    }
+
+    fn dampers(&self, x: &[f64], velocity: &[f64], out: &mut Vec<Damper>) {
+        let (Some(step), contact) = (&self.step, self.contact.contact()) else { return };
+        self.for_each(0..self.candidates.len(), [x, x], |stencil, pair| {
+            let Some(law) = contact.law_of(pair.partners).filter(|_| !pair.slid) else { return };
+            let nodes = &self.nodes[ARITY * stencil..ARITY * (stencil + 1)];
+            let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
+            let dampers = TangentialDampers {
+                bodies: self.contact.surface().bodies_of(pair.partners),
+                nodes,
+                along: [&along[0], &along[1]],
+                on_first: pair.tangents,
+                coefficient: step.settings.coefficient_at_end(pair.held.stiffness, law.damping),
+                reserve: law.friction * pair.pressing - pair.held.traction.norm(),
+            };
+            dampers.add(velocity, out);
+        });
     }
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
@@ -268,6 +287,7 @@ impl DiscreteGradient for RollingPotential {
             }
             book.push_anchor(pair.anchor);
         });
-        book.close(surface, self.step.as_ref())
+        let has_dampers = surface.has_damping();
+        StepOutcome { has_dampers, ..book.close(surface, self.step.as_ref()) }
     }
 }

@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, StepOutcome, packed_len};
+use vi_core::{Acting, Damper, DiscreteGradient, StepOutcome, StepSpan, packed_len};
 
 use super::book::Book;
 use super::{ContactPotential, PACKED, SIZE, add_packed};
@@ -13,10 +13,10 @@ use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
 /// Settings without damping, which is a separate force.
-pub(super) const UNDAMPED: StepSettings = StepSettings { duration: f64::INFINITY };
+pub(super) const UNDAMPED: StepSettings = StepSettings::over(f64::INFINITY);
 
 /// A force between x₀ and x₁: the normal force of a pair, or its friction.
-enum Force<'a> {
+pub(super) enum Force<'a> {
     Normal(&'a StepPair),
     Friction(&'a FrictionPair),
 }
@@ -71,7 +71,7 @@ impl ContactPotential {
     }
 
     /// Calls `each` with the forces of the stencils of `range` between x₀ and x₁, and the places of their nodes.
-    fn for_each_step(
+    pub(super) fn for_each_step(
         &self,
         range: Range<usize>,
         x: [&[f64]; 2],
@@ -158,13 +158,17 @@ impl DiscreteGradient for ContactPotential {
         self.add_acting([start, end], out);
     }
 
-    fn over_step(&self, duration: f64, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
-        if duration.is_infinite() && !self.surface.has_friction() {
+    fn over_step(&self, span: StepSpan, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
+        if span.duration.is_infinite() && !self.surface.has_friction() {
             return None;
         }
         let anchors = Anchors::from_numbers(memory, &self.surface)?;
-        let step = Some(Step { settings: StepSettings { duration }, anchors });
+        let step = Some(Step { settings: StepSettings::of(span), anchors });
         Some(Arc::new(Self { step, ..self.clone() }))
+    }
+
+    fn dampers(&self, x: &[f64], velocity: &[f64], out: &mut Vec<Damper>) {
+        self.add_dampers(x, velocity, out);
     }
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {
@@ -190,6 +194,13 @@ impl DiscreteGradient for ContactPotential {
                 }
             }
         });
-        StepOutcome { damping, smallest_gap, narrowest, ..book.close(&self.surface, self.step.as_ref()) }
+        let has_dampers = self.surface.has_damping();
+        StepOutcome {
+            damping,
+            smallest_gap,
+            narrowest,
+            has_dampers,
+            ..book.close(&self.surface, self.step.as_ref())
+        }
     }
 }

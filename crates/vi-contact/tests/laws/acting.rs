@@ -5,7 +5,10 @@ use std::sync::Arc;
 
 use crate::support::{Numbers, Sheet, body};
 use vi_contact::{ContactPotential, Surface, SurfaceBuilder};
-use vi_core::{Acting, DiscreteGradient, Potential, Tube};
+use vi_core::{Acting, DiscreteGradient, Potential, StepSpan, Tube};
+
+/// A step over which all damping acts.
+const OVER: StepSpan = StepSpan { duration: 1e-3, damps_end: false };
 
 /// Returns two sheets half a layer apart, shifted against each other, and a motion that presses and slides them.
 fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
@@ -41,7 +44,7 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
     let wide = ContactPotential::near(surface, &start, 0.1);
     let narrow = wide.narrowed(&Tube::about(&start, 3e-3)).expect("contact narrows");
     assert!(narrow.stencils().count() < wide.stencils().count());
-    let over = wide.over_step(1e-3, &[]).expect("friction acts over a step");
+    let over = wide.over_step(OVER, &[]).expect("friction acts over a step");
     let stencils = wide.stencils();
     let mut blocks = vec![0.0; stencils.count() * stencils.size()];
     over.gradients(0..stencils.count(), &start, &end, &mut blocks);
@@ -51,7 +54,7 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
             (0..3).for_each(|axis| expected[3 * node as usize + axis] += three[axis]);
         }
     }
-    let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(1e-3, &[]));
+    let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(OVER, &[]));
     for term in [over, narrow.expect("friction acts over a step")] {
         let mut acting = Acting::default();
         term.acting(&start, &end, &mut acting);
@@ -112,7 +115,7 @@ fn tangents_are_those_of_the_forces_while_friction_slides() {
     {
         let (surface, [start, end]) = sheets(friction);
         let contact = ContactPotential::near(surface, &start, 0.1);
-        let term = contact.over_step(1e-3, &[]).expect("contact acts over a step");
+        let term = contact.over_step(OVER, &[]).expect("contact acts over a step");
         let at = |x: &[f64]| {
             let mut acting = Acting::default();
             acting.turns = turns;

@@ -57,7 +57,7 @@ impl Bar {
         let x = [z0, z1].map(|z| [0.0, 0.0, z, 0.0, 0.0, 0.0]);
         let neighbours = Neighbours::find(&self.surface, &x[0], 4.0 * (z1 - z0).abs() + 0.01);
         let contact = Contact { surface: &self.surface, neighbours: &neighbours };
-        let pairs = contact.step(&x[0], &x[1], &StepSettings { duration: h });
+        let pairs = contact.step(&x[0], &x[1], &StepSettings::over(h));
         pairs.first().map_or([0.0; 3], |pair| [pair.gradient[0].z, pair.stiffness, pair.energy[1]])
     }
 

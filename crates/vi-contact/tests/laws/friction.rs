@@ -4,7 +4,7 @@ use crate::support::particles::Particles;
 use crate::support::{Numbers, Vec3, at, body};
 use vi_contact::{Anchors, Body, Contact, Neighbours, Partners, StepSettings, SurfaceBuilder};
 
-const STEP: StepSettings = StepSettings { duration: 1e-3 };
+const STEP: StepSettings = StepSettings::over(1e-3);
 
 /// Returns a tetrahedron that touches another one with a corner; both spin and tumble. `friction` is μ.
 fn spinning_pair(friction: f64) -> Particles {

@@ -9,7 +9,7 @@ use vi_contact::{
 };
 use vi_core::Potential;
 
-const STEP: StepSettings = StepSettings { duration: 1e-3 };
+const STEP: StepSettings = StepSettings::over(1e-3);
 
 /// Returns two sheets as two bodies.
 fn two_sheets(low: &Sheet, high: &Sheet, distance: f64, stiffness: f64) -> (Surface, Vec<f64>) {

@@ -70,7 +70,7 @@ impl Drift<'_> {
         v: &mut [f64],
         h: f64,
     ) -> bool {
-        let settings = StepSettings { duration: h };
+        let settings = StepSettings::over(h);
         let local = |dof: usize| dofs.binary_search(&dof).ok();
         let mut trial = x1.to_vec();
         dofs.iter().for_each(|&k| trial[k] = x0[k] + h * v[k]);

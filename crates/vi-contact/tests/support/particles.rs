@@ -81,7 +81,7 @@ impl Particles {
             (0..3).for_each(|k| gradient[3 * node + k] -= mass * self.gravity[k]);
         }
         let contact = Contact { surface: &self.surface, neighbours: &self.neighbours };
-        let settings = StepSettings { duration: h };
+        let settings = StepSettings::over(h);
         let pairs = contact.step(&self.x, x1, &settings);
         let rubs = contact.friction(&self.x, x1, &pairs, &self.anchors, &settings);
         pairs.iter().for_each(|pair| pair.add_gradient(&mut gradient));

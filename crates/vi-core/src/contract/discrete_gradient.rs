@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::acting::Acting;
+use super::damper::Damper;
 
 /// A discrete gradient G(x₀, x₁) of a potential V, one G_s per stencil s, with the property
 /// ```text
@@ -25,20 +26,33 @@ pub trait DiscreteGradient: Send + Sync {
     /// that [lists its pairs](crate::Live::lists_pairs). Other terms append nothing.
     fn acting(&self, _start: &[f64], _end: &[f64], _out: &mut Acting) {}
 
-    /// Returns the term for one step of `duration` (s), if it has dissipative forces in addition to V. These may
+    /// Returns the term for one step, if it has dissipative forces in addition to V. These may
     /// depend on earlier steps, as dry friction does: `memory` comes from [`DiscreteGradient::outcome`] of the last
     /// step. The stencils are those of this term. Returns `None` if the term has no such forces.
-    ///
-    /// An infinite duration leads from one equilibrium to the next. Then the forces are the dissipative ones alone, at the
-    /// end of the step, and [`StepOutcome::impulses`] are those of one second.
-    fn over_step(&self, _duration: f64, _memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
+    fn over_step(&self, _span: StepSpan, _memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
         None
     }
+
+    /// Appends the dampers at the end of a step, at the positions x (m) and velocities (m/s) of all coordinates. The term is that
+    /// of [`DiscreteGradient::over_step`] with the memory of the end of the step, and a span that
+    /// [damps the end](StepSpan::damps_end).
+    fn dampers(&self, _x: &[f64], _velocity: &[f64], _out: &mut Vec<Damper>) {}
 
     /// Returns the work and the memory of the dissipative forces for a step from `start` to `end`.
     fn outcome(&self, _start: &[f64], _end: &[f64]) -> StepOutcome {
         StepOutcome::default()
     }
+}
+
+/// The step over which dissipative forces act.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSpan {
+    /// Duration, s. An infinite duration leads from one equilibrium to the next. Then the forces are the dissipative ones alone,
+    /// at the end of the step, and [`StepOutcome::impulses`] are those of one second.
+    pub duration: f64,
+    /// Whether the scheme applies [`DiscreteGradient::dampers`] to the velocities at the end of the step. If not, all damping acts
+    /// over the step.
+    pub damps_end: bool,
 }
 
 /// Result of one step for the forces of a term that have no potential. With G of the term over the step,
@@ -53,8 +67,10 @@ pub struct StepOutcome {
     pub stored: f64,
     /// Energy dissipated by friction, J (≥ 0).
     pub friction: f64,
-    /// Energy dissipated by the damping of the term, J (≥ 0).
+    /// Energy dissipated by the damping of the term over the step, J (≥ 0).
     pub damping: f64,
+    /// Whether [`DiscreteGradient::dampers`] may return any at the end of the step.
+    pub has_dampers: bool,
     /// Impulses between parts of the system.
     pub impulses: Vec<Impulse>,
     /// The smallest gap of the pairs that acted, at either end, m; `None` if no pair acted.

@@ -41,6 +41,11 @@ impl Entries<'_> {
             Self::Stored(a) => a[k],
         }
     }
+
+    /// Returns the first `count` entries.
+    pub(crate) fn to_vec(self, count: usize) -> Vec<f64> {
+        (0..count).map(|k| self.at(k)).collect()
+    }
 }
 
 impl Inertia {

@@ -9,7 +9,7 @@ mod state;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, Fault, Impulse, Live, Meeting, Potential, StepOutcome, Terms, Tube};
+use vi_core::{Acting, Damper, Fault, Impulse, Live, Meeting, Potential, StepOutcome, StepSpan, Terms, Tube};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -220,10 +220,10 @@ impl LiveSum {
         vectors::update(out, |k, out| *out += buffer[k]);
     }
 
-    /// Opens a step of `duration` (s) from positions `x` (m). Terms that dissipate continue from the memory that they
+    /// Opens a step from positions `x` (m). Terms that dissipate continue from the memory that they
     /// have there.
-    pub(crate) fn open_step(&mut self, x: &[f64], duration: f64) -> Result<(), SolverError> {
-        if self.splits && self.passage.open(x, duration) {
+    pub(crate) fn open_step(&mut self, x: &[f64], span: StepSpan) -> Result<(), SolverError> {
+        if self.splits && self.passage.open(x, span) {
             self.exchange()?;
         }
         Ok(())
@@ -245,6 +245,17 @@ impl LiveSum {
         self.follow(start, Some(end));
         let near = self.near.as_ref().filter(|near| near.parts.is_some());
         self.passage.close(near.map_or(&[], |near| &near.discrete), start, end)
+    }
+
+    /// Returns the dampers at the end of the step that was closed last; see [`Passage::dampers`].
+    pub(crate) fn dampers(&self, x: &[f64], velocity: &[f64]) -> Vec<Damper> {
+        let near = self.near.as_ref().filter(|near| near.parts.is_some());
+        self.passage.dampers(near.map_or(&[], |near| &near.discrete), x, velocity)
+    }
+
+    /// See [`Passage::add_impulses`].
+    pub(crate) fn add_impulses(&mut self, impulses: &[Impulse]) {
+        self.passage.add_impulses(impulses);
     }
 
     /// Accepts the step that was closed last.

@@ -5,7 +5,10 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome, Traits};
+use vi_core::{
+    Account, Damper, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome, StepSpan,
+    Traits,
+};
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -17,8 +20,9 @@ pub(crate) struct Remembered {
     memories: Vec<Vec<f64>>,
     /// Energy stored in the terms besides V, J.
     stored: f64,
-    /// Duration of the step, s.
+    /// Duration of the step, s, and whether dampers act at its end.
     duration: f64,
+    damps_end: bool,
 }
 
 impl Remembered {
@@ -26,12 +30,22 @@ impl Remembered {
         Self { memories: vec![Vec::new(); terms], ..Self::default() }
     }
 
+    /// Returns a term over a step that begins with this memory, if the term has a special discrete gradient for it.
+    fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>> {
+        term.discrete_gradient()?.over_step(self.span(), &self.memories[number])
+    }
+
+    fn span(&self) -> StepSpan {
+        StepSpan { duration: self.duration, damps_end: self.damps_end }
+    }
+
     pub(crate) fn remember(&self, name: &str, memory: &mut StepperMemory) {
         memory.counts.push((format!("{name}.terms"), self.memories.len() as u64));
         for (number, values) in self.memories.iter().enumerate() {
             memory.arrays.push((format!("{name}.memory.{number}"), values.clone()));
         }
-        memory.arrays.push((format!("{name}.stored_duration"), vec![self.stored, self.duration]));
+        let numbers = vec![self.stored, self.duration, f64::from(u8::from(self.damps_end))];
+        memory.arrays.push((format!("{name}.stored_span"), numbers));
     }
 
     /// Returns what [`Remembered::remember`] recorded; `None` if there is nothing.
@@ -42,8 +56,8 @@ impl Remembered {
         };
         let terms = memory.counts.iter().find(|(key, _)| *key == format!("{name}.terms"))?.1;
         let memories = (0..terms).map(|number| array(&format!("memory.{number}"))).collect::<Option<_>>()?;
-        let &[stored, duration] = array("stored_duration")?.as_slice() else { return None };
-        Some(Self { memories, stored, duration })
+        let &[stored, duration, damps_end] = array("stored_span")?.as_slice() else { return None };
+        Some(Self { memories, stored, duration, damps_end: damps_end != 0.0 })
     }
 }
 
@@ -112,15 +126,15 @@ impl Passage {
     }
 
     /// Opens a step from positions x. Returns false if the terms act as they did over the last step.
-    pub(crate) fn open(&mut self, x: &[f64], duration: f64) -> bool {
+    pub(crate) fn open(&mut self, x: &[f64], span: StepSpan) -> bool {
         if self.x != x && self.x_before == x {
             // The last step was rejected: return to the memory before it.
             self.now = self.before.clone();
             self.x = x.to_vec();
             self.impulses.clear();
         }
-        let is_same = self.now.duration == duration && !self.remembers();
-        self.now.duration = duration;
+        let is_same = self.now.span() == span && !self.remembers();
+        (self.now.duration, self.now.damps_end) = (span.duration, span.damps_end);
         !is_same
     }
 
@@ -147,8 +161,28 @@ impl Passage {
         number: usize,
         term: &Arc<dyn Potential>,
     ) -> Option<Arc<dyn DiscreteGradient>> {
-        let Remembered { memories, duration, .. } = &self.now;
-        term.discrete_gradient()?.over_step(*duration, &memories[number])
+        self.now.over_step(number, term)
+    }
+
+    /// Returns the dampers at the end of the step that was closed last, at the positions and velocities of all coordinates.
+    pub(crate) fn dampers(
+        &self,
+        discrete: &[(usize, Arc<dyn Potential>)],
+        x: &[f64],
+        velocity: &[f64],
+    ) -> Vec<Damper> {
+        let mut dampers = Vec::new();
+        for (number, term) in discrete {
+            if let Some(over) = self.next.over_step(*number, term) {
+                over.dampers(x, velocity, &mut dampers);
+            }
+        }
+        dampers
+    }
+
+    /// Adds impulses (N s) at the end of the step that was closed last.
+    pub(crate) fn add_impulses(&mut self, impulses: &[Impulse]) {
+        add(&mut self.next_impulses, impulses);
     }
 
     /// Closes the step and returns the effects of all terms together. [`Passage::accept`] makes the change permanent.
@@ -159,7 +193,8 @@ impl Passage {
         end: &[f64],
     ) -> StepOutcome {
         let mut sum = StepOutcome::default();
-        self.next = Remembered { duration: self.now.duration, ..Remembered::new(self.now.memories.len()) };
+        let Remembered { duration, damps_end, .. } = self.now;
+        self.next = Remembered { duration, damps_end, ..Remembered::new(self.now.memories.len()) };
         for (number, term) in discrete {
             let over = self.over_step(*number, term);
             let Some(discrete) = over.as_deref().or(term.discrete_gradient()) else { continue };
@@ -167,6 +202,7 @@ impl Passage {
             sum.stored += outcome.stored;
             sum.friction += outcome.friction;
             sum.damping += outcome.damping;
+            sum.has_dampers |= outcome.has_dampers;
             sum.impulses.extend(outcome.impulses);
             sum.smallest_gap = smaller(sum.smallest_gap, outcome.smallest_gap);
             let both = sum.narrowest.into_iter().chain(outcome.narrowest);

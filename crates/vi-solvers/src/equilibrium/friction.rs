@@ -1,13 +1,15 @@
 //! Dry friction in equilibria: forces without a potential, which depend on the equilibria before. From one equilibrium to
 //! the next, terms act over a step of infinite duration.
 
-use vi_core::{Coordinates, Impulse, System};
+use vi_core::{Coordinates, Impulse, StepSpan, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::live::{LiveState, LiveSum};
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
+
+const BETWEEN_EQUILIBRIA: StepSpan = StepSpan { duration: f64::INFINITY, damps_end: false };
 
 /// The state of friction after an equilibrium.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -48,7 +50,7 @@ impl Friction {
     ) -> Result<Option<Self>, SolverError> {
         let Some(mut live) = assembler.new_split_live() else { return Ok(None) };
         live.go_to(&rubbed.memory);
-        live.open_step(x, f64::INFINITY)?;
+        live.open_step(x, BETWEEN_EQUILIBRIA)?;
         if !live.dissipates(x) {
             return Ok(None);
         }
@@ -117,6 +119,6 @@ impl Friction {
             smallest_gap: outcome.smallest_gap,
         };
         self.start.copy_from_slice(x);
-        self.live.open_step(x, f64::INFINITY)
+        self.live.open_step(x, BETWEEN_EQUILIBRIA)
     }
 }

@@ -6,11 +6,12 @@
 //! with their full relative precision, and not from differences of positions. The solution minimises Φ(w) = ½ wᵀM w +
 //! c V(x(û + w, t_s)).
 
+mod end_damping;
 mod pairs;
 pub(crate) mod rule;
 mod stage;
 
-use vi_core::{Impulse, State, StepEnergy, System};
+use vi_core::{Impulse, State, StepEnergy, StepSpan, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
@@ -28,6 +29,8 @@ use crate::newton::start::Start;
 use crate::options::SolverOptions;
 use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
+use crate::schemes::constraint::manifold::ConstraintManifold;
+use crate::schemes::one_stage::end_damping::EndDampers;
 use crate::schemes::one_stage::rule::Rule;
 use crate::schemes::one_stage::stage::{Stage, StageEquations};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -55,6 +58,8 @@ pub(crate) struct OneStage<R> {
     after: State,
     x_start: Vec<f64>,
     dx: Vec<f64>,
+    /// The constraints, if the scheme damps velocities at the end of a step.
+    manifold: Option<ConstraintManifold>,
     /// Change of velocity over the step, if the mass is consistent.
     dv: Vec<f64>,
 }
@@ -72,6 +77,7 @@ impl<R: Rule> OneStage<R> {
             potential_energies: PotentialEnergies::new(),
             ledger: options.ledger,
             stage: Stage::new(system, &rule),
+            manifold: if rule.damps_end() { ConstraintManifold::new(system) } else { None },
             rule,
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_start: Vec::new(),
@@ -91,7 +97,8 @@ impl<R: Rule> OneStage<R> {
         if self.rule.takes_mean_of_ends() {
             self.evaluator.set_middle(system, self.stage.t, [state.t, state.t + h]);
         }
-        self.evaluator.open_step(system, &state.q, state.t, h)?;
+        let span = StepSpan { duration: h, damps_end: self.rule.damps_end() };
+        self.evaluator.open_step(system, &state.q, state.t, span)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;
         let Self { rule, inertia, stage: Stage { w, scratch, .. }, dv, .. } = self;
@@ -129,10 +136,39 @@ impl<R: Rule> OneStage<R> {
             // The stage has counted the work of these forces as work on the potential.
             energy.scheme += outcome.friction + outcome.damping + stored;
         }
+        if span.damps_end && outcome.has_dampers {
+            self.damp_end(system, h, &mut energy)?;
+        }
         self.rule.close(system, state, &self.after, &self.stage.w, h);
         self.stage.close();
         self.inertia.close(&self.after.p, &self.dv);
         Ok((iterations, energy))
+    }
+
+    /// Lets the dampers of live terms act on the velocities at the end of the step.
+    fn damp_end(&mut self, system: &System, h: f64, energy: &mut StepEnergy) -> Result<(), SolverError> {
+        let Self { evaluator, inertia, after, dv, manifold, .. } = self;
+        let mut velocity = inertia.velocity(system, &after.p).to_vec(after.p.len());
+        if inertia.matrix().is_some() {
+            velocity.iter_mut().zip(&*dv).for_each(|(v, dv)| *v += dv);
+        }
+        let dampers = evaluator.dampers(system, &velocity, after.t);
+        if dampers.is_empty() {
+            return Ok(());
+        }
+        if let Some(manifold) = manifold {
+            manifold.set_directions(system, &after.q, after.t);
+        }
+        let ends = EndDampers { system, inertia, manifold: manifold.as_ref(), dampers: &dampers, t: after.t };
+        let damped = ends.damp(&velocity, h, &mut evaluator.work)?;
+        after.p.iter_mut().zip(&damped.momentum).for_each(|(p, change)| *p += change);
+        if inertia.matrix().is_some() {
+            dv.iter_mut().zip(&damped.velocity).for_each(|(dv, change)| *dv += change);
+        }
+        evaluator.add_impulses(&damped.impulses);
+        energy.contact_damping -= damped.dissipated;
+        energy.prescribed += damped.prescribed;
+        Ok(())
     }
 
     /// Returns whether live terms have a memory.

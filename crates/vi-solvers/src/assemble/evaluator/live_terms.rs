@@ -1,6 +1,6 @@
 //! The live terms of an evaluator: they act between the ends of a step, and may remember earlier steps.
 
-use vi_core::{Impulse, Meeting, StepOutcome, System};
+use vi_core::{Damper, Impulse, Meeting, StepOutcome, StepSpan, System};
 
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
@@ -152,20 +152,20 @@ impl Evaluator {
         self.assembler.live().is_some()
     }
 
-    /// Opens a step of duration h (s) from (q, t), for live terms with a memory of earlier steps.
+    /// Opens a step from (q, t), for live terms with a memory of earlier steps.
     pub(crate) fn open_step(
         &mut self,
         system: &System,
         q: &[f64],
         t: f64,
-        h: f64,
+        span: StepSpan,
     ) -> Result<(), SolverError> {
         if self.assembler.live().is_none() {
             return Ok(());
         }
         self.set_ends(system, (q, t), (q, t));
         match (&self.ends, self.assembler.live()) {
-            (Some([start, _]), Some(live)) => live.open_step(start, h),
+            (Some([start, _]), Some(live)) => live.open_step(start, span),
             _ => Ok(()),
         }
     }
@@ -189,6 +189,21 @@ impl Evaluator {
             return Err(SolverError::Crossing { nodes });
         }
         Ok(live.close_step(start, end))
+    }
+
+    /// Returns the dampers at the end of the step that was closed last, with velocities q̇ there at time t.
+    pub(crate) fn dampers(&mut self, system: &System, q_dot: &[f64], t: f64) -> Vec<Damper> {
+        let (Some([_, end]), Some(live)) = (&self.ends, self.assembler.live()) else { return Vec::new() };
+        let mut velocity = vec![0.0; end.len()];
+        system.coordinates().embed_velocity(q_dot, t, &mut velocity);
+        live.dampers(end, &velocity)
+    }
+
+    /// Adds impulses (N s) at the end of the step that was closed last.
+    pub(crate) fn add_impulses(&mut self, impulses: &[Impulse]) {
+        if let Some(live) = self.assembler.live() {
+            live.add_impulses(impulses);
+        }
     }
 
     /// Accepts the step that was closed last.

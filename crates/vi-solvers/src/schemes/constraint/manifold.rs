@@ -287,6 +287,33 @@ impl ConstraintManifold {
         self.clusters.iter().any(|cluster| cluster.is_redundant)
     }
 
+    /// Projects a change r of momentum onto the tangent space at the configuration of the directions, r −= Gᵀμ with
+    /// G M⁻¹r = 0. Returns the work of prescribed motion against μ, J.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each
+    /// other here.
+    pub(crate) fn project_covector(&self, r: &mut [f64]) -> Result<f64, SolverError> {
+        let mut work = 0.0;
+        for cluster in &self.clusters {
+            let velocity = DVector::from_iterator(
+                cluster.free.len(),
+                cluster.free.iter().enumerate().map(|(k, &free)| match free {
+                    NONE => 0.0,
+                    free => cluster.inverse_mass[k] * r[free as usize],
+                }),
+            );
+            let rate = &cluster.normal * velocity;
+            let step = cluster.solve(cluster.metric(&cluster.normal, &cluster.normal), &rate);
+            let step = step.ok_or_else(|| cluster.failure(0, 0, rate.amax()))?;
+            cluster.kick(&cluster.normal.tr_mul(&step), r);
+            if self.reads_prescribed {
+                work += cluster.prescribed_work(&cluster.normal, step.as_slice(), &self.x_dot);
+            }
+        }
+        Ok(work)
+    }
+
     /// Projects q onto the manifold at time t by impulses along the current directions: p −= Nᵀλ and q −= drift
     /// M⁻¹Nᵀλ with g(q) = 0. Adds λ to `lambda`, and returns the change of ½ pᵀM⁻¹p, J.
     ///

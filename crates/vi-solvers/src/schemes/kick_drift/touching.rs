@@ -12,7 +12,9 @@ mod newton;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, System};
+use vi_core::{
+    Acting, DiscreteGradient, Impulse, Potential, State, StepEnergy, StepOutcome, StepSpan, System,
+};
 
 use crate::assemble::compliance::Compliance;
 use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
@@ -130,7 +132,7 @@ impl Touching {
         if self.lists.is_empty() && !self.passage.remembers() {
             return Ok(None);
         }
-        self.passage.open(&self.x_start, h);
+        self.passage.open(&self.x_start, StepSpan { duration: h, damps_end: false });
         let outcome = self.solve(system, state, h, may_divide);
         self.work.searches = self.lists.searches() - searches;
         let acts = outcome?;

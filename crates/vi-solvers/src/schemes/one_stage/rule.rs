@@ -45,6 +45,11 @@ pub(crate) trait Rule: Send + Sync {
     fn takes_discrete_gradients(&self) -> bool {
         false
     }
+    /// Returns whether dampers of live terms act on the velocities at the end of the step. They are then those of the body, and
+    /// not of a part of the step.
+    fn damps_end(&self) -> bool {
+        false
+    }
     /// Returns whether a force besides −∂V/∂q acts at the stage. Then the stage does not minimise a function.
     fn has_correction(&self) -> bool {
         false
@@ -161,6 +166,9 @@ impl Rule for Midpoint {
         self.node * h * v
     }
     fn takes_discrete_gradients(&self) -> bool {
+        true
+    }
+    fn damps_end(&self) -> bool {
         true
     }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
