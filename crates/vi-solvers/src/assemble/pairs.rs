@@ -19,12 +19,16 @@ pub(crate) struct Pairs {
     /// Places and values of the factors a and b on the free coordinates, alternately, and the end of each.
     entries: Vec<(u32, f64)>,
     ends: Vec<u32>,
+    /// The sum of the absolute forces of the pairs on each coordinate, N.
+    sizes: Vec<f64>,
 }
 
 impl Pairs {
     pub(crate) fn new(coordinates: &Coordinates) -> Self {
         let free_of = free_of(coordinates);
+        let sizes = vec![0.0; free_of.len()];
         Self {
+            sizes,
             acting: Acting::default(),
             compliance: Compliance::default(),
             free_of,
@@ -46,10 +50,14 @@ impl Pairs {
 
     /// Adds the forces (N) to `gradient`, which has all coordinates, and collects the tangents on the free coordinates.
     pub(crate) fn close(&mut self, coordinates: &Coordinates, gradient: &mut [f64]) {
-        let Self { acting, free_of, entries, ends, .. } = self;
+        let Self { acting, free_of, entries, ends, sizes, .. } = self;
+        sizes.fill(0.0);
         for covector in acting.gradients() {
             pull_back(coordinates, covector, |node, value| {
-                (0..3).for_each(|axis| gradient[3 * node as usize + axis] += value[axis]);
+                for axis in 0..3 {
+                    gradient[3 * node as usize + axis] += value[axis];
+                    sizes[3 * node as usize + axis] += value[axis].abs();
+                }
             });
         }
         entries.clear();
@@ -116,6 +124,11 @@ impl Pairs {
     /// Bounds the stiffness of bristles that stick; see [`Acting::penalty`].
     pub(crate) fn set_penalty(&mut self, penalty: f64) {
         self.acting.penalty = penalty;
+    }
+
+    /// Returns the sum of the absolute forces of the pairs on each coordinate, N.
+    pub(crate) fn sizes(&self) -> &[f64] {
+        &self.sizes
     }
 
     /// Adds factor · (Σ |a| ⊗ |b|) |v| to `out`: a bound on how a change of coordinates by v changes the forces.

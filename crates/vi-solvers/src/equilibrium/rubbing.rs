@@ -177,6 +177,8 @@ impl Frictional for Rubbing<'_, '_> {
                 size: size.abs(),
                 is_whole: fraction == 1.0 && !is_cut,
                 unlawful,
+                forces: 0.0,
+                round_off: 0.0,
                 is_at_resolution,
             };
             if vectors::max_abs(self.q.len(), |k| self.q[k] - self.start[k]) > extent {

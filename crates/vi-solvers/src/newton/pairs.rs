@@ -78,8 +78,10 @@ pub(crate) trait PairEquations: Equations {
     fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError>;
     /// Returns the size of the residual at the last evaluation, in the norm of the inverse mass.
     fn residual_size(&self) -> f64;
-    /// Returns whether the residual of the last correction is no larger than the round-off of the forces of pairs.
-    fn is_round_off(&self, evaluator: &Evaluator) -> bool;
+    /// Returns the size of the forces of pairs in the residual, in the same norm.
+    fn forces_size(&self, evaluator: &Evaluator) -> f64;
+    /// Returns a bound on the size that the residual of the last correction has by the round-off of positions in the forces of pairs.
+    fn round_off(&self, evaluator: &Evaluator) -> f64;
     /// Shortens the last correction: to the length `longest` (m), and until no pair meets on its path; node by node, or
     /// by the same fraction at all nodes. Returns whether it was not shortened.
     fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool;
@@ -236,7 +238,8 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 let (delta, load) = solve.equations.correction();
                 newton.anderson.mix(delta, load, true);
             }
-            let is_round_off = solve.equations.is_round_off(solve.evaluator);
+            let round_off = solve.equations.round_off(solve.evaluator);
+            let forces = solve.equations.forces_size(solve.evaluator);
             let is_whole = solve.equations.limit(solve.evaluator, longest, aim.is_uniform);
             solve.equations.advance(1.0);
             let scale = solve.equations.energy_scale();
@@ -247,7 +250,9 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 size,
                 is_whole,
                 unlawful,
-                is_at_resolution: is_round_off || solve.equations.is_at_resolution(),
+                forces,
+                round_off,
+                is_at_resolution: solve.equations.is_at_resolution(),
             });
             match verdict {
                 Verdict::Solved => {

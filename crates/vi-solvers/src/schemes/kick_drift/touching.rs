@@ -399,7 +399,15 @@ impl Frictional for Drift<'_> {
             vectors::update(&mut touching.y, |k, y| *y += delta[k]);
             let small = &touching.small;
             touching.acting.predict(|tangent| small.along(tangent, &delta));
-            match progress.judge(&Iteration { eta, size, is_whole, unlawful, is_at_resolution }) {
+            match progress.judge(&Iteration {
+                eta,
+                size,
+                is_whole,
+                unlawful,
+                forces: 0.0,
+                round_off: 0.0,
+                is_at_resolution,
+            }) {
                 Verdict::Solved => return Ok(()),
                 Verdict::Hopeless => break,
                 Verdict::Continue => {}

@@ -171,13 +171,20 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         Ok([vectors::dot(load, correction) / c, size_of(self.system, load)])
     }
 
-    fn is_round_off(&self, evaluator: &Evaluator) -> bool {
-        let Some(pairs) = evaluator.pairs() else { return false };
+    fn forces_size(&self, evaluator: &Evaluator) -> f64 {
+        let Some(pairs) = evaluator.pairs() else { return 0.0 };
+        let (c, sizes, free) = (self.stage.c, pairs.sizes(), self.system.coordinates().free());
+        let forces: Vec<f64> = free.iter().map(|&dof| c * sizes[dof as usize]).collect();
+        size_of(self.system, &forces)
+    }
+
+    fn round_off(&self, evaluator: &Evaluator) -> f64 {
+        let Some(pairs) = evaluator.pairs() else { return 0.0 };
         let Stage { c, q, residual, multipliers, .. } = &*self.stage;
         let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
         let mut bound = vec![0.0; load.len()];
         pairs.add_bound(f64::EPSILON * c, q, &mut bound);
-        size_of(self.system, load) <= size_of(self.system, &bound)
+        size_of(self.system, &bound)
     }
 
     fn residual_size(&self) -> f64 {
