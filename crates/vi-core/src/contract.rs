@@ -22,6 +22,7 @@ pub(crate) mod patch;
 pub(crate) mod portion;
 pub(crate) mod potential;
 pub(crate) mod power_of_two;
+pub(crate) mod prefetch;
 pub(crate) mod quadrature;
 pub(crate) mod rank_solver;
 pub(crate) mod scheme;

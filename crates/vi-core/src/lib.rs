@@ -28,6 +28,7 @@ pub use contract::potential::{
     Account, Far, Fault, Few, HessianKind, MakeFew, Potential, Stencils, Traits, packed_len,
 };
 pub use contract::power_of_two::binary_exponent;
+pub use contract::prefetch::prefetch;
 pub use contract::quadrature::Quadrature;
 pub use contract::rank_solver::{BlockRows, RankSolver};
 pub use contract::scheme::{Interpolation, Scheme};

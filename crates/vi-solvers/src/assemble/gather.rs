@@ -18,7 +18,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Padded, Patch, PatchArray, Terms, Traffic};
+use vi_core::{HessianKind, Padded, Patch, PatchArray, Terms, Traffic, prefetch};
 
 use crate::assemble::gather::halo::Halo;
 use crate::assemble::spans::{Span, mobilities, mobility_of, parts, spans};
@@ -33,6 +33,14 @@ const PARALLEL_STENCILS: usize = 3000;
 
 /// Number of nodes that one task of phase 2 sums.
 const NODES_PER_TASK: usize = 1024;
+
+/// Number of slots between the one that is read and the one whose sum (phase 2) or position (phase 1) is asked for. Of 10⁶
+/// tetrahedra, phase 2 takes 6.2 ns each without, 3.6 at 16, 2.9 at 32 and 64; positions asked for at 32 save .6 ns of phase 1.
+const AHEAD: usize = 32;
+
+/// With fewer slots than this (half a megabyte), phase 2 finds the sums in cache and does not ask for them. With 3700 slots, asking
+/// would take 1.03 ns per tetrahedron instead of .88; with 30 000, 1.0 instead of 1.1. It changes no result.
+const IN_CACHE: usize = 1 << 14;
 
 thread_local! {
     /// Positions and sums of a patch.
@@ -227,12 +235,18 @@ impl Gather {
         let (out, _) = out.as_chunks_mut::<B>();
         let starts = &self.node_start[first..=first + out.len()];
         let base = self.base.as_deref().map(|base| &base.as_chunks::<B>().0[first..]);
+        let is_in_cache = self.partial.len() < IN_CACHE;
         for (k, out) in out.iter_mut().enumerate() {
             let mut total = Padded::default().0;
             if let Some(base) = base {
                 total[..B].copy_from_slice(&base[k]);
             }
-            for &slot in &self.node_slots[starts[k] as usize..starts[k + 1] as usize] {
+            let slots = starts[k] as usize..starts[k + 1] as usize;
+            if !is_in_cache {
+                let later = self.node_slots.iter().skip(slots.start + AHEAD).take(slots.len());
+                later.for_each(|&slot| prefetch(&self.partial[slot as usize], 0));
+            }
+            for &slot in &self.node_slots[slots] {
                 let part = &self.partial[slot as usize].0;
                 for k in 0..4 {
                     total[k] += part[k];
@@ -280,10 +294,15 @@ impl PartialSums<'_> {
         let arity = potential.stencils().arity;
         let places = &self.local[chunk.local..chunk.local + chunk.span.stencils.len() * arity];
         let nodes = &self.slot_nodes[chunk.slots.clone()];
+        // These include nodes of the next chunk.
+        let later = &self.slot_nodes[(chunk.slots.start + AHEAD).min(self.slot_nodes.len())..];
         let (points, _) = self.x.as_chunks::<3>();
         PATCH.with_borrow_mut(|patch| {
             let [x, local] = patch.get_or_insert_with(|| [Patch::zeros(), Patch::zeros()]);
-            for (x, &node) in x.iter_mut().zip(nodes) {
+            for (k, (x, &node)) in x.iter_mut().zip(nodes).enumerate() {
+                if let Some(&later) = later.get(k) {
+                    prefetch(&points[later as usize], 0);
+                }
                 let [x0, x1, x2] = points[node as usize];
                 *x = Padded([x0, x1, x2, 0.0]);
             }

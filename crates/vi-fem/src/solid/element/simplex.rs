@@ -4,7 +4,7 @@
 use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
-use vi_core::PatchArray;
+use vi_core::{PatchArray, prefetch};
 
 use super::contract::Element;
 use super::kernel::Solids;
@@ -68,6 +68,11 @@ pub(crate) fn hessians<M: Material>(
     arch.dispatch(Hessians { geometry, nodes, material, range, x, out });
 }
 
+/// Number of groups between the one that is computed and the one whose shape and places are asked for. 10⁶ St. Venant–Kirchhoff
+/// tetrahedra take 14.6 ns each without, 11.8 at 2, 11.3 at 4 and 8, and at 16 as at 8. In cache (12 288), all take 7.5 ns. The first
+/// groups of a run were asked for at the end of the one before, which lies before them in memory.
+const AHEAD: usize = 8;
+
 struct Forces<'a, G, M> {
     shapes: &'a [G],
     material: &'a M,
@@ -83,6 +88,8 @@ impl<G: RestShape, M: Material> WithSimd for Forces<'_, G, M> {
         let Self { shapes, material, places, x, sums } = self;
         let (places, _) = places.as_chunks::<{ 4 * GROUP }>();
         for (shape, places) in shapes.iter().zip(places) {
+            prefetch(shape, AHEAD);
+            prefetch(places, AHEAD);
             for part in 0..parts::<S>() {
                 let places = &places[part * S::F64_LANES * 4..][..S::F64_LANES * 4];
                 let f = shape.deformation(simd, part, &gather_edges(simd, x, places));
