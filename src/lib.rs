@@ -59,6 +59,7 @@ pub mod prelude {
         Amplitude, Bending, Isotropic, IsotropicSheet, Law, LockingCure, Motion, SheetLaw, Wind,
     };
     pub use vi_mesh::{BoxMesh, CellKind, SheetMesh, SheetPattern};
+    pub use vi_solvers::Interrupt;
 }
 
 /// The page of `docs/theory` that needs crates besides `vi-core`.

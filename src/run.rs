@@ -61,6 +61,9 @@ impl TrialWatch for Trials<'_> {
 /// there are replaced, and nothing else is changed. The history and the report of another scene are kept under its
 /// name. Until the run has ended, no other process of the program can write into the directory.
 ///
+/// The interrupt of the scene ([`Scene::interruptible`]) abandons the step in progress and ends the run as
+/// [`Watch::step`] does, at the last complete step.
+///
 /// # Errors
 /// Returns [`RunError`]. The results up to the error are written, unless writing itself failed.
 pub fn run(scene: Scene, name: &str, directory: &Path, watch: &mut dyn Watch) -> Result<Report, RunError> {

@@ -30,6 +30,7 @@ use std::path::{Path, PathBuf};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_fem::{Amplitude, Wind};
+use vi_solvers::Interrupt;
 
 pub use attach::{Attach, Periodic, Seam};
 pub(crate) use body::MOST_REFINED;
@@ -287,6 +288,12 @@ impl Scene {
     /// Sets the options for implicit equations.
     pub fn solver(mut self, solver: Solver) -> Self {
         self.solver = solver;
+        self
+    }
+
+    /// Sets the request that abandons a step, or another solve, in progress. It stays with the scene and all simulations of it.
+    pub fn interruptible(mut self, interrupt: Interrupt) -> Self {
+        self.solver.interrupt = interrupt;
         self
     }
 

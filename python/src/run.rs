@@ -28,6 +28,7 @@ pub(crate) fn run(
     let armed = scene.armed(py, &raised)?;
     let source = scene.source.as_ref().map(|(path, keys)| (path.as_path(), keys.as_slice()));
     let result = supervise(py, &threads, &raised, hear, |mut link| {
+        let armed = armed.interruptible(link.interrupt());
         runs::run_from(source, armed, name, &directory, &mut link)
     })?;
     json(&result.map_err(|error| scene.failed(py, error))?)
@@ -62,6 +63,7 @@ pub(crate) fn resume(
     };
     let name = checkpoint.origin.name.clone();
     let result = supervise(py, &threads, &raised, hear, |mut link| {
+        let armed = armed.interruptible(link.interrupt());
         runs::resume(armed, &checkpoint, &directory, &mut link)
     })?;
     Ok((name, json(&result.map_err(|error| errors::run(py, error))?)?))

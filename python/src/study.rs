@@ -40,8 +40,10 @@ pub(crate) fn bench(
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = scene.armed(py, &raised)?;
     let options = BenchOptions { name, budget: Duration::from_secs_f64(budget), accuracy, schemes };
-    let result =
-        supervise(py, &threads, &raised, hear, |mut link| benches::bench(&armed, &options, &mut link))?;
+    let result = supervise(py, &threads, &raised, hear, |mut link| {
+        let armed = armed.interruptible(link.interrupt());
+        benches::bench(&armed, &options, &mut link)
+    })?;
     let report = result.map_err(|error| match error {
         BenchError::Scene(problems) => scene.refused(py, problems),
         error => errors::plain(py, "StudyError", &error.to_string()),
@@ -70,6 +72,7 @@ pub(crate) fn convergence(
     let armed = scene.armed(py, &raised)?;
     let options = ConvergenceOptions { name, levels, space, time, modes };
     let result = supervise(py, &threads, &raised, hear, |mut link| {
+        let armed = armed.interruptible(link.interrupt());
         refinement::convergence(&armed, &options, &mut link)
     })?;
     let report = result.map_err(|error| match error {
@@ -95,7 +98,8 @@ pub(crate) fn modes<'py>(
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
     let armed = stand_in(&scene.armed(py, &raised)?);
     let mass = if lumped { MassKind::Lumped } else { MassKind::Consistent };
-    let result = supervise(py, &threads, &raised, None, |_| -> Result<_, RunError> {
+    let result = supervise(py, &threads, &raised, None, |link| -> Result<_, RunError> {
+        let armed = armed.interruptible(link.interrupt());
         let mut simulation = Simulation::new(armed).map_err(RunError::Scene)?;
         let found = scene_modes(&mut simulation, count, mass)?;
         let free: Vec<_> = (0..simulation.components().len())

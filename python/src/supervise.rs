@@ -2,7 +2,7 @@
 //!
 //! Python runs its signal handlers on the main thread only, so that the caller must return to Python regularly.
 
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
@@ -12,6 +12,7 @@ use variational::auto::AutoReport;
 use variational::auto::trial::TrialWatch;
 use variational::run::Watch;
 use variational::simulation::Simulation;
+use variational::solvers::Interrupt;
 use variational::study::bench::BenchWatch;
 use variational::study::sweep::SweepWatch;
 
@@ -33,13 +34,18 @@ pub(crate) enum Message {
 /// The connection of the work to the caller.
 pub(crate) struct Link<'a> {
     messages: Sender<Message>,
-    stop: &'a AtomicBool,
+    stop: Arc<AtomicBool>,
     raised: &'a Raised,
     begin: Instant,
     last: Option<Instant>,
 }
 
 impl Link<'_> {
+    /// Returns the request that abandons the step in progress.
+    pub(crate) fn interrupt(&self) -> Interrupt {
+        Interrupt::from(Arc::clone(&self.stop))
+    }
+
     fn go_on(&self) -> bool {
         !self.stop.load(Ordering::Relaxed) && !self.raised.is_set()
     }
@@ -122,6 +128,9 @@ impl SweepWatch for SweepLink<'_> {
     fn go_on(&self) -> bool {
         lock(&self.0).go_on()
     }
+    fn interrupt(&self) -> Interrupt {
+        lock(&self.0).interrupt()
+    }
 }
 
 /// Runs `job` on the threads. Meanwhile the caller runs signal handlers and passes messages to `hear(kind, …)`. An
@@ -133,11 +142,11 @@ pub(crate) fn supervise<T: Send>(
     hear: Option<&Bound<'_, PyAny>>,
     job: impl FnOnce(Link<'_>) -> T + Send,
 ) -> PyResult<T> {
-    let stop = AtomicBool::new(false);
+    let stop = Arc::new(AtomicBool::new(false));
     let (messages, inbox) = channel();
     // The mutex lets this thread release Python's lock while it waits.
     let inbox = Mutex::new(inbox);
-    let link = Link { messages, stop: &stop, raised, begin: Instant::now(), last: None };
+    let link = Link { messages, stop: Arc::clone(&stop), raised, begin: Instant::now(), last: None };
     let mut failure = None;
     let result = std::thread::scope(|scope| {
         let worker = scope.spawn(|| threads.install(|| job(link)));

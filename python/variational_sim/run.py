@@ -35,7 +35,7 @@ def run(
 
     Without `out` the files are in a temporary directory that lives as long as the result. Notes go to the logger
     `variational`. `progress(t, end, steps_per_second)` is called at most every 50 ms; without it a bar of tqdm shows
-    on terminals and in notebooks. Ctrl-C ends the run within 50 ms after a step, with all files written; `resume`
+    on terminals and in notebooks. Ctrl-C abandons the step in progress and ends the run, with all files written; `resume`
     continues it if the scene has a [checkpoint].
 
     Raises SceneError, StepError, GuardError (the results so far are written) or OutputError.

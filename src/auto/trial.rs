@@ -125,7 +125,8 @@ pub enum Limit<'a> {
     },
 }
 
-/// Runs `scene` over `stretch`, a part of 0..1 of its time, within `limit`; calls `go_on` every few steps. A stretch
+/// Runs `scene` over `stretch`, a part of 0..1 of its time, within `limit`; calls `go_on` every few steps. The interrupt of the
+/// scene stops it within a step. A stretch
 /// that does not start at 0 starts with the initial state of the scene, moved in time.
 pub fn run(
     scene: Scene,
@@ -174,6 +175,7 @@ fn observed(
         while simulation.steps() < next {
             match simulation.advance(next - simulation.steps()) {
                 Ok(done) => outside += done.energy.work(),
+                Err(error) if error.is_interruption() => return Err(TrialError::Stopped),
                 Err(error) => return Err(TrialError::Failed(error.to_string())),
             }
             let is_over = match limit {

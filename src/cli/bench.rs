@@ -35,6 +35,7 @@ pub(super) fn bench_scene(arguments: &BenchArguments) -> u8 {
         Ok(study) => study,
         Err(code) => return code,
     };
+    let scene = scene.interruptible(stop.interrupt());
     for (key, value) in [("--budget", Some(arguments.budget)), ("--error", arguments.error)] {
         if value.is_some_and(|value| !(value > 0.0 && value < 1e9)) {
             message!("error: {key} must be positive");

@@ -37,6 +37,7 @@ pub(super) fn study(arguments: &ConvergenceArguments) -> u8 {
             Ok(study) => study,
             Err(code) => return code,
         };
+    let scene = scene.interruptible(stop.interrupt());
     let options = ConvergenceOptions {
         name,
         levels: arguments.levels,

@@ -5,6 +5,7 @@ use clap::Args;
 use super::exit;
 use super::run::{code_of, output_directory, print_problems};
 use super::say::{self, message, out};
+use super::signals::Stop;
 use super::study::{Study, StudyArguments};
 use crate::run::RunError;
 use crate::scene::MassKind;
@@ -23,6 +24,7 @@ pub(super) struct ModesArguments {
 }
 
 pub(super) fn modes(arguments: &ModesArguments) -> u8 {
+    let stop = Stop::on_signals();
     let Study { scene, parsed, pool, name, directory, claim } =
         match arguments.study.open_in(|scene, name| output_directory(scene, name, None)) {
             Ok(study) => study,
@@ -30,6 +32,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
         };
     // `write_modes` claims the directory again by itself.
     drop(claim);
+    let scene = scene.interruptible(stop.interrupt());
     let mass = arguments.lumped.then_some(MassKind::Lumped);
     let report = match pool.install(|| write_modes(scene, &name, &directory, arguments.count, mass)) {
         Ok(report) => report,
@@ -39,7 +42,7 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
         }
         Err(error) => {
             message!("error: {error}");
-            return code_of(&error);
+            return if stop.is_asked() { stop.code() } else { code_of(&error) };
         }
     };
     arguments.study.say.result(&report, || {

@@ -63,6 +63,7 @@ fn resume_directory(team: &Team, arguments: &ResumeArguments) -> u8 {
         message!("resuming {path} after step {step}");
     }
     let stop = Stop::on_signals();
+    let scene = scene.interruptible(stop.interrupt());
     let mut watch = arguments.output.watch(directory, &stop);
     let result = pool.install(|| resume_by(team, scene, &found.checkpoint, directory, &mut *watch));
     drop(watch);

@@ -106,6 +106,7 @@ fn run_scene(team: &Team, arguments: &RunArguments) -> u8 {
         return exit::BAD_INPUT;
     }
     let stop = Stop::on_signals();
+    let scene = scene.interruptible(stop.interrupt());
     let mut watch = arguments.output.watch(&directory, &stop);
     let source = (arguments.scene.as_path(), overrides.as_slice());
     let result = pool.install(|| run_by(team, Some(source), scene, &name, &directory, &mut *watch));
@@ -169,7 +170,14 @@ pub(super) fn conclude(
         message!("assertion broken: {broken}");
     }
     match report.outcome {
-        Some(Outcome::Interrupted) => stop.code(),
+        Some(Outcome::Interrupted) => {
+            let way_out = match newest(directory) {
+                Ok(_) => format!("`variational resume {}` continues from there", directory.display()),
+                Err(_) => "without [checkpoint] it cannot be continued".to_owned(),
+            };
+            message!("note: a signal ended the run after step {}; {way_out}", report.steps);
+            stop.code()
+        }
         _ if !report.broken.is_empty() => exit::BROKEN,
         _ => exit::DONE,
     }

@@ -1,11 +1,12 @@
-//! The signals that end a command: Ctrl-C (SIGINT), SIGTERM and SIGHUP. After the first one, the command writes its
-//! results; a second one ends it immediately.
+//! The signals that end a command: Ctrl-C (SIGINT), SIGTERM and SIGHUP. After the first one, the command abandons the step in
+//! progress and writes its results; a second one ends it immediately.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
+use vi_solvers::Interrupt;
 
 use super::exit;
 use super::say::message;
@@ -41,6 +42,11 @@ impl Stop {
     /// Returns whether a signal was received.
     pub(super) fn is_asked(&self) -> bool {
         self.is_asked.load(Ordering::SeqCst)
+    }
+
+    /// Returns the request that a signal makes to solvers.
+    pub(super) fn interrupt(&self) -> Interrupt {
+        Interrupt::from(Arc::clone(&self.is_asked))
     }
 
     /// Returns the exit code of a command that was ended by a signal: 128 + its number.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
+use vi_solvers::Interrupt;
 
 use super::exit;
 use super::run::{code_of, name_of, writable};
@@ -121,5 +122,9 @@ impl SweepWatch for Watch {
 
     fn go_on(&self) -> bool {
         !self.stop.is_asked()
+    }
+
+    fn interrupt(&self) -> Interrupt {
+        self.stop.interrupt()
     }
 }

@@ -82,8 +82,8 @@ pub enum RunError {
     /// A mesh file could not be written.
     #[error(transparent)]
     Frame(#[from] vi_io::IoError),
-    /// The caller stopped the trials of scheme `auto`; nothing was written.
-    #[error("stopped during the trials of scheme \"auto\"; nothing was written")]
+    /// The caller asked to stop before there was anything to write: in the trials of scheme `auto`, or in a search for modes.
+    #[error("stopped on request, before there was a result; nothing was written")]
     Stopped,
     /// There is no checkpoint, or it does not match.
     #[error(transparent)]

@@ -19,6 +19,7 @@
 use std::time::Instant;
 
 use serde_json::json;
+use vi_solvers::Interrupt;
 
 use super::checkpoint::CheckpointError;
 use super::error::RunError;
@@ -90,6 +91,8 @@ impl Estimator {
         let order = facts.order as f64;
         let make = |scheme: Choice, steps: [u64; 2]| {
             let mut scene = Choice { steps: run.steps * steps[0] / steps[1], ..scheme }.apply(scene);
+            // A companion follows the run or is lost.
+            scene.solver.interrupt = Interrupt::NEVER;
             scene.solver.tolerance = (TIGHTER * scene.solver.tolerance).max(1e-14);
             Simulation::new(scene).map(|simulation| Companion { simulation, steps })
         };

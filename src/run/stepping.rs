@@ -7,7 +7,7 @@ use vi_core::State;
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
-use super::checkpoint::{Checkpoint, Origin, Store};
+use super::checkpoint::{Checkpoint, CheckpointError, Origin, Store};
 use super::claim::Claim;
 use super::directory;
 use super::error::RunError;
@@ -184,6 +184,10 @@ impl Run {
         while !self.simulation.is_done() && !interrupted {
             match self.advance() {
                 Ok(()) => {}
+                Err(RunError::Step { source, .. }) if source.is_interruption() => {
+                    interrupted = true;
+                    break;
+                }
                 Err(error) if error.is_failure() => {
                     failure = Some(error);
                     break;
@@ -260,19 +264,27 @@ impl Run {
     }
 
     /// Makes one step, or several if nothing is due between them, and writes row, frame and checkpoint if they are due.
-    /// The energy guard may go back instead.
+    /// The energy guard may go back instead. A step that is abandoned on request leaves the run as it was before.
     fn advance(&mut self) -> Result<(), RunError> {
         self.keep_good()?;
         let quiet = self.quiet_steps();
         let (next, h) = (self.simulation.steps() + 1, self.simulation.step_size());
         let is_within = self.observers.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));
         let before = is_within.then(|| self.simulation.states());
+        let kept = self.simulation.needs_return().then(|| self.simulation.snapshot());
         let begin = Instant::now();
         let stepped = self.simulation.advance(quiet);
         self.report.stepping_seconds += begin.elapsed().as_secs_f64();
         let step = self.simulation.steps();
         let stepped = match stepped {
             Ok(stepped) => stepped,
+            Err(source) if source.is_interruption() => {
+                if let Some(kept) = kept {
+                    let returned = self.simulation.restore(&kept);
+                    returned.map_err(|error| CheckpointError::Unfit(error.to_string()))?;
+                }
+                return Err(RunError::Step { step: step + 1, source });
+            }
             // An explicit scheme fails if its energy has grown beyond all bounds since the last observation of the
             // guard.
             Err(_) if self.simulation.method().facts().is_explicit && self.can_go_back() => {

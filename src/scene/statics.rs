@@ -90,6 +90,7 @@ impl Static {
             arc_steps: self.arc_steps,
             push: self.push,
             linear: solver.linear.solver(),
+            interrupt: solver.interrupt.clone(),
             ..StaticOptions::default()
         }
     }

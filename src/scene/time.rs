@@ -2,7 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use vi_solvers::{LinearSolver, Method, SolverOptions};
+use vi_solvers::{Interrupt, LinearSolver, Method, SolverOptions};
 
 macro_rules! scheme_names {
     ($(
@@ -286,6 +286,9 @@ pub struct Solver {
     /// schemes only). The default is lumped for motion and consistent for `variational modes`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass: Option<MassKind>,
+    /// The request that abandons a step, or another solve, in progress. Programs set it; it is no key of scene files.
+    #[serde(skip)]
+    pub interrupt: Interrupt,
 }
 
 /// The mass matrix.
@@ -309,12 +312,18 @@ impl Solver {
 
     /// Returns the options for the solvers.
     pub fn options(&self) -> SolverOptions {
-        SolverOptions { tolerance: self.tolerance, linear: self.linear.solver(), ..SolverOptions::default() }
+        SolverOptions {
+            tolerance: self.tolerance,
+            linear: self.linear.solver(),
+            interrupt: self.interrupt.clone(),
+            ..SolverOptions::default()
+        }
     }
 }
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { tolerance: Self::default_tolerance(), linear: LinearChoice::Auto, mass: None }
+        let (tolerance, linear) = (Self::default_tolerance(), LinearChoice::Auto);
+        Self { tolerance, linear, mass: None, interrupt: Interrupt::NEVER }
     }
 }

@@ -122,7 +122,7 @@ impl Adaptive {
         course: Course<'_>,
         asked: &mut Asked,
         (h, end): (f64, f64),
-        cut: Cut,
+        cut: Cut<'_>,
         mut check: Option<Check<'_>>,
     ) -> Result<(March, AdaptiveCounts), Failure> {
         let Course { stepper, system, state, pace } = course;

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Assembler, SolverError, StepError};
+use vi_solvers::{Assembler, Interrupt, SolverError, StepError};
 
 use super::adaptive::{AdaptiveCounts, Asked};
 use super::march::{self, Course, Cut, Failure, March, march};
@@ -29,7 +29,9 @@ impl Simulation {
     /// Advances every component by one step, in substeps if the whole step fails and the scene allows them.
     ///
     /// # Errors
-    /// Returns the [`StepError`] of the first component that failed; all states are then as before.
+    /// Returns the [`StepError`] of the first component that failed; all states are then as before. This also holds for a step that
+    /// was abandoned on request ([`SolverError::Interrupted`](vi_solvers::SolverError::Interrupted)). After
+    /// [`Simulation::restore`] of a snapshot from before the step, the next steps have the same bits as without it.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
         if self.load_factor().is_some() {
             return self.step_along_path();
@@ -39,7 +41,10 @@ impl Simulation {
         // Statics divides its increments itself.
         // Explicit contact is not divided either: each change of a step near its stability limit adds energy.
         let further = self.scene.time.substeps && !is_static && !self.has_explicit_contact();
-        let cut = Cut { parts: self.parts, further };
+        // A step that is short anyway is not abandoned between its parts: what steppers remember was not kept.
+        let never = Interrupt::NEVER;
+        let interrupt = if self.needs_return() { &self.options.interrupt } else { &never };
+        let cut = Cut { parts: self.parts, further, interrupt };
         let adaptive = self.adaptive;
         let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), Failure> {
             let Component { system, state, stepper, pace, observer, has_domain, asked, .. } = component;
@@ -84,6 +89,19 @@ impl Simulation {
         self.steps += 1;
         self.see_contact(&total.energy);
         Ok(total)
+    }
+
+    /// Returns whether the simulation must return to a snapshot if the next step is abandoned on request, because steppers may
+    /// then remember a part of it. A single explicit step is abandoned only while it resolves contact, and then undone.
+    pub(crate) fn needs_return(&self) -> bool {
+        let is_short = self.scene.statics.is_none()
+            && self.method.facts().is_explicit
+            && !self.switched
+            && self.adaptive.is_none()
+            && self.parts == 1
+            && self.components.iter().all(|component| component.pace.is_whole())
+            && (self.scene.contact.is_none() || self.components.len() == 1);
+        self.options.interrupt.is_possible() && !is_short
     }
 
     /// Returns whether the scene has contact and an explicit scheme.

@@ -2,7 +2,7 @@
 //! in contact, a substep of h/1024 that fails is divided further, down to h/2¹⁴.
 
 use vi_core::{State, StepEnergy, System};
-use vi_solvers::{Budget, SolverError, StepError, StepReport, Stepper};
+use vi_solvers::{Budget, Interrupt, SolverError, StepError, StepReport, Stepper};
 
 use super::pace::{FLOOR, Pace, SMALLEST_APART};
 
@@ -32,11 +32,13 @@ pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), Sol
 
 /// Options for making a step.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Cut {
+pub(crate) struct Cut<'a> {
     /// Initial number of parts, a power of two.
     pub(crate) parts: u32,
     /// Whether a part that fails may be divided further.
     pub(crate) further: bool,
+    /// The request that abandons the step before its next part.
+    pub(crate) interrupt: &'a Interrupt,
 }
 
 /// A stepper that accepts a step only if its end passes a check.
@@ -94,7 +96,7 @@ pub(crate) fn march(
     course: Course<'_>,
     h: f64,
     end: f64,
-    cut: Cut,
+    cut: Cut<'_>,
     check: Option<Check<'_>>,
 ) -> Result<March, Failure> {
     let Course { stepper, system, state, pace } = course;
@@ -112,7 +114,9 @@ pub(crate) fn march(
             before = Some(state.clone());
         }
         stepper.stepper.set_budget(if cut.further { next.budget(smallest) } else { Budget::Unlimited });
-        match stepper.step(system, state, h * (f64::from(size) / f64::from(FLOOR))) {
+        let part = h * (f64::from(size) / f64::from(FLOOR));
+        let asked = cut.interrupt.check().map_err(|cause| StepError { t: state.t, h: part, cause });
+        match asked.and_then(|()| stepper.step(system, state, part)) {
             Ok(report) => {
                 done.iterations += u64::from(report.iterations);
                 done.energy += report.energy;

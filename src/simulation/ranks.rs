@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::Serialize;
 use vi_core::{Exchange, State, System, Traffic};
-use vi_solvers::{Member, SolverOptions};
+use vi_solvers::{Interrupt, Member, SolverOptions};
 
 use super::Simulation;
 use super::needs::{keeps_ledger, method_of, problem_of_ranks};
@@ -66,6 +66,8 @@ impl Simulation {
         in_parts: bool,
         exchange: &Arc<dyn Exchange>,
     ) -> Result<Self, Vec<Problem>> {
+        // Other ranks do not hear the request.
+        let scene = scene.interruptible(Interrupt::NEVER);
         // The first rank makes its portion from a part as the others do, without the maps of the whole sum.
         let is_sound = in_parts && scene.problems().is_empty() && is_separable(&scene);
         let own = if is_sound { members(&scene, true, exchange) } else { Ok(Vec::new()) };

@@ -322,13 +322,18 @@ fn level(
     }
     let values = if let Some(count) = options.modes {
         let modes = scene_modes(&mut simulation, count, MassKind::Consistent);
-        let modes = modes.map_err(|source| ConvergenceError::Modes { what, source: Box::new(source) })?;
+        let modes = modes.map_err(|source| match source {
+            RunError::Stopped => ConvergenceError::Stopped,
+            source => ConvergenceError::Modes { what, source: Box::new(source) },
+        })?;
         modes.modes.iter().take(count).map(|found| found.mode.frequency()).collect()
     } else {
         while !simulation.is_done() {
             let stepped = simulation.advance(u64::MAX);
-            stepped
-                .map_err(|source| ConvergenceError::Step { what: what.clone(), source: Box::new(source) })?;
+            stepped.map_err(|source| match source.is_interruption() {
+                true => ConvergenceError::Stopped,
+                false => ConvergenceError::Step { what: what.clone(), source: Box::new(source) },
+            })?;
             if !watch.go_on() {
                 return Err(ConvergenceError::Stopped);
             }

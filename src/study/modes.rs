@@ -7,7 +7,7 @@ mod report;
 use std::path::Path;
 
 use vi_io::PvdSeries;
-use vi_solvers::ModeOptions;
+use vi_solvers::{ModeOptions, SolverError};
 
 use crate::auto::stand_in;
 use crate::model::kinetic_terms;
@@ -32,7 +32,7 @@ const TABLES: [&str; 3] = ["modes.csv", "modes.json", "modes.svg"];
 /// the one given by the scene (`solver.mass`), if any.
 ///
 /// # Errors
-/// Returns [`RunError`] if the scene, the equilibrium or the eigenproblem fails.
+/// Returns [`RunError`] if the scene, the equilibrium or the eigenproblem fails, or the interrupt of the scene stops them.
 pub fn scene_modes(
     simulation: &mut Simulation,
     count: usize,
@@ -41,7 +41,10 @@ pub fn scene_modes(
     if simulation.scene().statics.is_some() {
         while !simulation.is_done() {
             let step = simulation.steps() + 1;
-            simulation.step().map_err(|source| RunError::Step { step, source })?;
+            simulation.step().map_err(|source| match source.is_interruption() {
+                true => RunError::Stopped,
+                false => RunError::Step { step, source },
+            })?;
         }
     }
     let fail = |error: String| RunError::Scene(vec![Problem::new("modes", error)]);
@@ -57,9 +60,12 @@ pub fn scene_modes(
         } else {
             Vec::new()
         };
-        let options = ModeOptions { count, ..ModeOptions::default() };
-        let own =
-            vi_solvers::modes(system, state, kinetic, &options).map_err(|error| fail(error.to_string()))?;
+        let interrupt = simulation.scene().solver.interrupt.clone();
+        let options = ModeOptions { count, interrupt, ..ModeOptions::default() };
+        let own = vi_solvers::modes(system, state, kinetic, &options).map_err(|error| match error {
+            SolverError::Interrupted => RunError::Stopped,
+            error => fail(error.to_string()),
+        })?;
         for axis in 0..3 {
             found.free_mass[axis] += own.free_mass[axis];
         }

@@ -60,7 +60,7 @@ impl StressOptions {
 pub trait StressWatch: Sync {
     /// Called when a scene has ended.
     fn ended(&self, _case: &Case, _outcome: &Outcome) {}
-    /// Called many times per second: false ends the test. A running scene then ends after its current step and is not
+    /// Called many times per second: false ends the test. A running scene then abandons its current step and is not
     /// counted, unless its outcome is forbidden.
     fn go_on(&self) -> bool {
         true

@@ -215,3 +215,74 @@ fn a_signal_ends_the_trials_of_auto() {
     assert!(text().contains("nothing was written"), "{}", text());
     assert!(!place.path().join("out").exists());
 }
+
+/// One load step takes so long that a signal comes within it.
+const PRESSED: &str = r#"
+[time]
+end = 2.0
+step = 1.0
+[static]
+[[body]]
+name = "block"
+box = { size = [1.0, 1.0, 1.0], cells = [8, 8, 8], element = "hex8" }
+material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "block"
+region = "z-min"
+[[load]]
+kind = "pressure"
+body = "block"
+region = "z-max"
+pressure = 5e4
+[output]
+interval = 1.0
+[checkpoint]
+interval = 1.0
+"#;
+
+/// A signal within a step does not wait for its end. The step is abandoned, and made again by `resume`.
+#[test]
+fn a_signal_within_a_step_abandons_it() {
+    let place = directory(PRESSED);
+    let run = |arguments: &[&str]| {
+        let mut command = command();
+        command.current_dir(place.path()).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    let mut child = run(&["run", "scene.toml", "--out", "out"]).spawn().unwrap();
+    let out = place.path().join("out");
+    wait_for("checkpoint", || !checkpoints(&out).is_empty());
+    send("TERM", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let report = report_of(&out);
+    assert_eq!((&report["outcome"], &report["steps"]), (&"interrupted".into(), &0.into()));
+    assert_eq!(checkpoints(&out), [out.join("checkpoint_000000000000.vck")]);
+    assert!(run(&["resume", "out"]).status().unwrap().success());
+    assert!(run(&["run", "scene.toml", "--out", "whole"]).status().unwrap().success());
+    let whole = place.path().join("whole");
+    for file in ["history.csv", "scene_000001.vtu", "scene_000002.vtu"] {
+        let [parts, whole] = [&out, &whole].map(|directory| std::fs::read(directory.join(file)).unwrap());
+        assert!(parts == whole, "{file} differs");
+    }
+}
+
+/// A search for modes that is terminated says so, and writes nothing.
+#[test]
+fn a_signal_ends_a_search_for_modes() {
+    let scene = PRESSED.replace("cells = [8, 8, 8]", "cells = [20, 20, 20]");
+    let place = directory(&scene);
+    let child = command()
+        .current_dir(place.path())
+        .args(["modes", "scene.toml", "--count", "60", "--out", "modes"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(1));
+    send("TERM", &child);
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(143));
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains("nothing was written"), "{said}");
+    assert!(!place.path().join("modes/modes.csv").exists());
+}

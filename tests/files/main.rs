@@ -3,6 +3,7 @@
 mod check_frames;
 mod decks;
 mod frames;
+mod interruption;
 mod meshes;
 mod output_directory;
 #[path = "../program/mod.rs"]

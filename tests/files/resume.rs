@@ -30,6 +30,12 @@ fn written(directory: &Path) -> Vec<(String, Vec<u8>)> {
                     .cloned()
                     .collect();
                 clocks.iter().for_each(|key| report[key] = Value::Null);
+                // A run that continues gives another reason for its linear solver.
+                report["linear_solvers"] = Value::Null;
+                // An observer lists candidates of contact anew in a run that continues.
+                if let Some(contact) = report["contact"].as_object_mut() {
+                    contact.remove("systems");
+                }
                 bytes = report.to_string().into_bytes();
             }
             (name, bytes)
@@ -39,7 +45,7 @@ fn written(directory: &Path) -> Vec<(String, Vec<u8>)> {
     files
 }
 
-fn assert_same(one: &Path, other: &Path, what: &str) {
+pub(crate) fn assert_same(one: &Path, other: &Path, what: &str) {
     let (one, other) = (written(one), written(other));
     let names = |files: &[(String, Vec<u8>)]| files.iter().map(|file| file.0.clone()).collect::<Vec<_>>();
     assert_eq!(names(&one), names(&other), "{what}");

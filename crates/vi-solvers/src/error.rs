@@ -313,6 +313,9 @@ pub enum SolverError {
         /// The reason.
         reason: String,
     },
+    /// The work was abandoned on request ([`Interrupt`](crate::Interrupt)). It is no failure, and nothing shorter is tried instead.
+    #[error("ended early on request, without a result; do it again without the request")]
+    Interrupted,
     /// Several ranks cannot step this system.
     #[error("{reason}")]
     Ranks {
@@ -347,6 +350,11 @@ impl SolverError {
     pub fn no_petsc() -> Self {
         let reason = "needs the program variational-mpi, built with its feature `petsc`".to_owned();
         Self::Petsc { reason }
+    }
+
+    /// Returns whether the work was abandoned on request. Such an error is passed on: no other attempt is made.
+    pub fn is_interruption(&self) -> bool {
+        matches!(self, Self::Interrupted)
     }
 
     /// Returns the nodes of the pair that stopped a path, if that is the cause.

@@ -6,6 +6,7 @@ mod assemble;
 mod equilibrium;
 mod error;
 mod index;
+mod interrupt;
 mod linear;
 mod memory;
 mod modes;
@@ -28,6 +29,7 @@ pub use equilibrium::options::{CriticalKind, CriticalPoint, LoadStep, StaticOpti
 pub use equilibrium::path_following::{PathControl, path_following};
 pub use equilibrium::quasi_static::quasi_static;
 pub use error::{NotPositiveDefinite, PairInContact, SolverError, TermFault};
+pub use interrupt::Interrupt;
 pub use linear::cost::UnitCosts;
 pub use linear::factor::{Factor, FactorFacts, SingleFactor};
 pub use linear::matrix::SymmetricMatrix;

@@ -9,6 +9,7 @@ use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::inertia::mass_matrix;
 use crate::equilibrium::balance::{Balance, refuse_constraints};
 use crate::error::SolverError;
+use crate::interrupt::Interrupt;
 use crate::linear::lanczos::lowest_pairs;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::pencil::Pencil;
@@ -22,11 +23,13 @@ pub struct ModeOptions {
     pub count: usize,
     /// Largest residual ‖A⁻¹Mφ − θφ‖_M/θ of the shifted and inverted problem; eigenvalues are accurate to its square.
     pub tolerance: f64,
+    /// The request that ends the search.
+    pub interrupt: Interrupt,
 }
 
 impl Default for ModeOptions {
     fn default() -> Self {
-        Self { count: 12, tolerance: 1e-7 }
+        Self { count: 12, tolerance: 1e-7, interrupt: Interrupt::NEVER }
     }
 }
 
@@ -69,7 +72,8 @@ impl Mode {
 /// whose Hessians are blocks of M (consistent mass). If it is empty, M is the system's own mass.
 ///
 /// # Errors
-/// Returns [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`].
+/// Returns [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`];
+/// [`SolverError::Interrupted`].
 pub fn modes(
     system: &System,
     state: &State,
@@ -82,7 +86,7 @@ pub fn modes(
     }
     refuse_constraints("a search for modes", system)?;
     check_state(state, system)?;
-    let mut balance = Balance::new(system, LinearSolver::Cholesky);
+    let mut balance = Balance::new(system, LinearSolver::Cholesky, &options.interrupt);
     let mut residual = vec![0.0; state.q.len()];
     balance.residual(&state.q, state.t, &mut residual)?;
     let stiffness = balance.tangent(&state.q, state.t, HessianEvaluation::Exact)?;
@@ -101,7 +105,8 @@ pub fn modes(
     let mut pencil = match consistent {
         None => Pencil::lumped(stiffness, lumped)?,
         Some(mass) => Pencil::consistent(stiffness, lumped, mass)?,
-    };
+    }
+    .interruptible(&options.interrupt);
     let count = options.count.min(state.q.len());
     let pairs = lowest_pairs(&mut pencil, count, options.tolerance)?;
     let rigid = rigid_motions(system, state, &mut pencil);

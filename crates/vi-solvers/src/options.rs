@@ -1,5 +1,7 @@
 //! Options for solving the implicit equations of a step.
 
+use crate::interrupt::Interrupt;
+
 /// Options for solving implicit equations.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SolverOptions {
@@ -11,11 +13,19 @@ pub struct SolverOptions {
     pub ledger: bool,
     /// Number of Newton iterations after which a step fails.
     pub max_iterations: u32,
+    /// The request that abandons a step in progress.
+    pub interrupt: Interrupt,
 }
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        Self { tolerance: 1e-6, linear: LinearSolver::Auto, ledger: false, max_iterations: 100 }
+        Self {
+            tolerance: 1e-6,
+            linear: LinearSolver::Auto,
+            ledger: false,
+            max_iterations: 100,
+            interrupt: Interrupt::NEVER,
+        }
     }
 }
 

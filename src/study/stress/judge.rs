@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 use vi_core::State;
+use vi_solvers::Interrupt;
 
 use super::transform::Transform;
 use super::violence::Case;
@@ -51,14 +52,14 @@ pub enum Outcome {
 pub(super) struct Clock {
     /// Time allowed for a scene.
     pub(super) limit: Duration,
-    /// Set from outside: every scene ends after its current step.
+    /// Set from outside: every scene abandons its current step and ends.
     pub(super) is_ended: Arc<AtomicBool>,
 }
 
 /// Stores the last state and checks every step.
 struct Witness<'a> {
     deadline: Instant,
-    is_ended: &'a AtomicBool,
+    is_ended: &'a Arc<AtomicBool>,
     states: Vec<State>,
     steps: u64,
     wrong: Option<String>,
@@ -178,7 +179,8 @@ fn witnessed<'a>(case: &Case, directory: &Path, clock: &'a Clock) -> (Outcome, W
 }
 
 fn run_and_judge(case: &Case, directory: &Path, witness: &mut Witness<'_>) -> Outcome {
-    let ran = catch_unwind(AssertUnwindSafe(|| run(case.scene.clone(), "case", directory, witness)));
+    let scene = case.scene.clone().interruptible(Interrupt::from(Arc::clone(witness.is_ended)));
+    let ran = catch_unwind(AssertUnwindSafe(|| run(scene, "case", directory, witness)));
     let ran = match ran {
         Ok(ran) => ran,
         Err(payload) => {

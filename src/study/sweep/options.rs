@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use vi_solvers::Interrupt;
+
 use super::axis::Axis;
 
 /// Options of a sweep.
@@ -31,6 +33,10 @@ pub trait SweepWatch: Sync {
     /// Called after every step: false ends the sweep, after all output is written.
     fn go_on(&self) -> bool {
         true
+    }
+    /// Returns the request that abandons the steps in progress. It should stand when [`SweepWatch::go_on`] returns false.
+    fn interrupt(&self) -> Interrupt {
+        Interrupt::NEVER
     }
 }
 

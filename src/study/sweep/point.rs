@@ -153,6 +153,7 @@ impl Point {
 
     fn run(&self, scene: &Scene, watch: &dyn SweepWatch) -> Result<Report, RunError> {
         let mut stop = Stop(watch);
+        let scene = &scene.clone().interruptible(watch.interrupt());
         if scene.checkpoint.is_some()
             && let Ok(found) = newest(&self.directory)
             && found.checkpoint.origin.check(scene).is_ok()

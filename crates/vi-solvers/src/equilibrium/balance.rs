@@ -8,6 +8,7 @@ use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::TangentSolver;
 use crate::error::{NotPositiveDefinite, SolverError};
+use crate::interrupt::Interrupt;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::linear::minres::minimal_residual;
@@ -36,10 +37,12 @@ pub(crate) struct Balance<'a> {
     pub(crate) held: Vec<f64>,
     pub(crate) friction: Option<Friction>,
     pub(crate) work: Work,
+    /// Looked at before every factorisation and solve.
+    pub(crate) interrupt: Interrupt,
 }
 
 impl<'a> Balance<'a> {
-    pub(crate) fn new(system: &'a System, linear: LinearSolver) -> Self {
+    pub(crate) fn new(system: &'a System, linear: LinearSolver, interrupt: &Interrupt) -> Self {
         let count = system.coordinates().dof_count();
         Self {
             system,
@@ -58,6 +61,7 @@ impl<'a> Balance<'a> {
             held: Vec::new(),
             friction: None,
             work: Work::default(),
+            interrupt: interrupt.clone(),
         }
     }
 
@@ -206,7 +210,7 @@ impl<'a> Balance<'a> {
     /// Factors K + σM at (q, t), σ in 1/s², or prepares conjugate gradients for it.
     ///
     /// # Errors
-    /// The outer error is fatal; the inner one means that the matrix is not positive definite.
+    /// The outer error is fatal, or [`SolverError::Interrupted`]; the inner one means that the matrix is not positive definite.
     pub(crate) fn factorize(
         &mut self,
         q: &[f64],
@@ -214,9 +218,12 @@ impl<'a> Balance<'a> {
         kind: HessianEvaluation,
         shift: f64,
     ) -> Result<Result<(), NotPositiveDefinite>, SolverError> {
+        self.interrupt.check()?;
         self.go_to(q, t);
         self.count_tangent(kind);
-        let Self { system, assembler, forces, friction, sum, solver, linear, x, still, work, .. } = self;
+        let Self {
+            system, assembler, forces, friction, sum, solver, linear, x, still, work, interrupt, ..
+        } = self;
         let mass = system.free_mass();
         if let Some(shared) = system.terms().shared().filter(|shared| shared.solves())
             && linear.is_shared()
@@ -236,7 +243,7 @@ impl<'a> Balance<'a> {
         k.diagonal(&mut self.diagonal);
         let made = match solver {
             Some(solver) if solver.serves(k) => solver,
-            other => other.insert(TangentSolver::new(*linear, k, mass, q, work)?),
+            other => other.insert(TangentSolver::new(*linear, k, mass, q, work)?.interruptible(interrupt)),
         };
         let result = made.prepare(if shift == 0.0 { &[] } else { &self.shifted_mass }, k, q);
         self.unshifted = (shift != 0.0).then(|| k.clone());
@@ -297,15 +304,17 @@ impl<'a> Balance<'a> {
     ///
     /// # Errors
     /// Returns [`SolverError::Residual`] if the matrix is too close to singular; [`SolverError::NegativeCurvature`] if
-    /// conjugate gradients find that it is not positive definite, or [`SolverError::ConjugateGradients`].
+    /// conjugate gradients find that it is not positive definite, or [`SolverError::ConjugateGradients`], or
+    /// [`SolverError::Interrupted`].
     pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64], accuracy: f64) -> Result<(), SolverError> {
+        self.interrupt.check()?;
         self.solver.as_mut().ok_or(SolverError::NotFactored)?.solve(rhs_to_solution, accuracy, &mut self.work)
     }
 
     /// Solves K x = b by minimal residuals, with the K of the last factorisation that had a shift.
     ///
     /// # Errors
-    /// Returns [`SolverError::NoConvergence`] after `max_iterations`.
+    /// Returns [`SolverError::NoConvergence`] after `max_iterations`, or [`SolverError::Interrupted`].
     pub(crate) fn solve_indefinite(
         &mut self,
         b: &[f64],
@@ -316,7 +325,8 @@ impl<'a> Balance<'a> {
         let (Some(k), Some(factor)) = (&self.unshifted, factor) else {
             return Err(SolverError::NotFactored);
         };
-        minimal_residual(k, factor, b, tolerance, max_iterations, &mut self.work.solves)
+        let count = (&self.interrupt, &mut self.work.solves);
+        minimal_residual(k, factor, b, tolerance, max_iterations, count)
     }
 
     /// Returns max K_ii/M_ii of the tangent at (q, t), 1/s²: a scale of the highest ω².

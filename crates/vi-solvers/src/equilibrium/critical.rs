@@ -16,7 +16,8 @@ use crate::vectors;
 /// Returns the lowest ω² (1/s²) of (K, M) at (q, t), and its mode with mass norm 1.
 pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, Vec<f64>), SolverError> {
     let stiffness = balance.tangent(q, t, HessianEvaluation::Exact)?.clone();
-    let mut pencil = Pencil::lumped(stiffness, balance.system.free_mass().to_vec())?;
+    let mass = balance.system.free_mass().to_vec();
+    let mut pencil = Pencil::lumped(stiffness, mass)?.interruptible(&balance.interrupt);
     let mut pairs = lowest_pairs(&mut pencil, 1, 1e-6)?;
     pairs.pop().map(|pair| (pair.value, pair.vector)).ok_or(SolverError::NotFactored)
 }
@@ -40,10 +41,11 @@ impl Search<'_> {
                 q[k] = before.q[k] + along * (after.q[k] - before.q[k]);
             }
             let mut stop = self.stop;
-            let is_found = self.balance.check_move(before, &q, t).is_ok()
-                && newton::solve(&mut self.balance, &mut q, t, &mut stop).is_ok();
-            if !is_found {
-                break;
+            let moved = self.balance.check_move(before, &q, t);
+            match moved.and_then(|()| newton::solve(&mut self.balance, &mut q, t, &mut stop)) {
+                Ok(_) => {}
+                Err(error) if error.is_interruption() => return Err(error),
+                Err(_) => break,
             }
             let (value, _) = lowest(&mut self.balance, &q, t)?;
             if value.abs() <= 1e-9 * first.abs().max(last.abs()) {

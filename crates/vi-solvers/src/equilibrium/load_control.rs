@@ -25,7 +25,7 @@ const SNAP_RATIO: f64 = 5.0;
 /// # Errors
 /// Returns [`SolverError::Equilibrium`] with the load factor that was reached, if no increment succeeds;
 /// [`SolverError::ArcStep`] if no arc step succeeds; [`SolverError::ArcSteps`] if they are used up; or the error of a
-/// term or factor. Then `state` is unchanged.
+/// term or factor, or [`SolverError::Interrupted`]. Then `state` is unchanged.
 pub fn equilibrium(
     system: &System,
     state: &mut State,
@@ -106,7 +106,7 @@ impl Search<'_> {
             }
             let mut stop = self.stop;
             let mut result = self.solve_at(state, &mut q, t, &mut stop);
-            if result.is_err() && is_predicted {
+            if is_predicted && result.as_ref().is_err_and(|error| !error.is_interruption()) {
                 // The prediction may be the cause; try without it.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
@@ -163,10 +163,11 @@ impl Search<'_> {
                     has_velocity =
                         is_stable && !has_friction && self.velocity(state, increment, &mut velocity)?;
                 }
+                Err(cause) if cause.is_interruption() => return Err(cause),
                 Err(_)
                     if std::mem::take(&mut may_release)
                         && self.report.steps.is_empty()
-                        && self.release(state) =>
+                        && self.release(state)? =>
                 {
                     q.copy_from_slice(&state.q);
                 }
@@ -221,7 +222,10 @@ impl Search<'_> {
         if self.balance.factorize(&state.q, state.t, HessianEvaluation::Exact, 0.0)?.is_err() {
             return Ok(false);
         }
-        Ok(self.balance.solve(out, PREDICTION).is_ok())
+        match self.balance.solve(out, PREDICTION) {
+            Err(error) if error.is_interruption() => Err(error),
+            solved => Ok(solved.is_ok()),
+        }
     }
 
     /// Returns the error for a load that cannot be carried, with the facts about the last equilibrium.

@@ -1,6 +1,7 @@
 //! Options of a search for equilibria, and its report.
 
 use crate::error::SolverError;
+use crate::interrupt::Interrupt;
 use crate::options::LinearSolver;
 use crate::work::Work;
 
@@ -30,6 +31,8 @@ pub struct StaticOptions {
     pub linear: LinearSolver,
     /// If the path becomes unstable, leave it along the critical mode with this amplitude, m.
     pub push: Option<f64>,
+    /// The request that ends the search.
+    pub interrupt: Interrupt,
 }
 
 impl Default for StaticOptions {
@@ -45,6 +48,7 @@ impl Default for StaticOptions {
             find_critical: true,
             linear: LinearSolver::Auto,
             push: None,
+            interrupt: Interrupt::NEVER,
         }
     }
 }

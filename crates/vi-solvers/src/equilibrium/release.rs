@@ -59,7 +59,7 @@ fn follow(
             trial.copy_from_slice(q);
         }
         let mut result = rubbing::solve(balance, &mut trial, t, &mut { *stop });
-        if result.is_err() && is_predicted {
+        if is_predicted && result.as_ref().is_err_and(|error| !error.is_interruption()) {
             // The prediction may be the cause; try without it.
             trial.copy_from_slice(q);
             result = rubbing::solve(balance, &mut trial, t, &mut { *stop });
@@ -73,6 +73,7 @@ fn follow(
                     step = f64::min(2.0 * step, STEP);
                 }
             }
+            Err(cause) if cause.is_interruption() => return Err(cause),
             Err(cause) => {
                 step *= 0.5;
                 halvings += 1;

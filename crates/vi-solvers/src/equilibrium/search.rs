@@ -6,6 +6,7 @@ use crate::equilibrium::balance::Balance;
 use crate::equilibrium::newton::Stop;
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::release;
+use crate::error::SolverError;
 use crate::options::LinearSolver;
 
 /// A search for equilibria in progress.
@@ -25,18 +26,28 @@ impl<'a> Search<'a> {
     ) -> Self {
         let stop = Stop { tolerance: options.tolerance, max_iterations: options.max_iterations, scale: 0.0 };
         let linear = if options.arc_steps.is_some() { LinearSolver::Cholesky } else { options.linear };
-        Self { balance: Balance::new(system, linear), options, stop, report: StaticReport::default(), watch }
+        Self {
+            balance: Balance::new(system, linear, &options.interrupt),
+            options,
+            stop,
+            report: StaticReport::default(),
+            watch,
+        }
     }
 
     /// Brings the start to equilibrium at its own load factor. If that fails, returns false and leaves the state
     /// unchanged.
-    pub(super) fn release(&mut self, state: &mut State) -> bool {
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Interrupted`].
+    pub(super) fn release(&mut self, state: &mut State) -> Result<bool, SolverError> {
         match release::release(&mut self.balance, &mut state.q, state.t, &self.stop) {
             Ok(halvings) => {
                 self.report.halvings += halvings;
-                true
+                Ok(true)
             }
-            Err(_) => false,
+            Err(error) if error.is_interruption() => Err(error),
+            Err(_) => Ok(false),
         }
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use vi_core::{SharedSolve, SharedTerms};
 
 use crate::error::{NotPositiveDefinite, SolverError};
+use crate::interrupt::Interrupt;
 use crate::linear::cost;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
@@ -65,6 +66,15 @@ impl TangentSolver {
             },
         };
         Ok(Self { kind, reason, solution: Vec::new() })
+    }
+
+    /// Returns the solver with a request that ends its solves by conjugate gradients.
+    pub(super) fn interruptible(self, interrupt: &Interrupt) -> Self {
+        let kind = match self.kind {
+            Kind::Gradients(pcg) => Kind::Gradients(Box::new(pcg.interruptible(interrupt.clone()))),
+            other => other,
+        };
+        Self { kind, ..self }
     }
 
     /// Returns the solver of processes that prepare and solve together by conjugate gradients.

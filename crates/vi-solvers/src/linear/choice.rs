@@ -6,6 +6,7 @@ use std::sync::Arc;
 use vi_core::{SharedSolve, SharedTerms, SolverFacts, System};
 
 use crate::error::{NotPositiveDefinite, SolverError};
+use crate::interrupt::Interrupt;
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
@@ -72,6 +73,7 @@ pub(crate) struct ChosenSolver {
     rivalry: Rivalry,
     /// Number of times that ordering and layout were computed.
     analyses: u64,
+    interrupt: Interrupt,
 }
 
 impl ChosenSolver {
@@ -91,6 +93,7 @@ impl ChosenSolver {
             pcg: SolverFacts::default(),
             rivalry: Rivalry::default(),
             analyses: 0,
+            interrupt: options.interrupt.clone(),
         }
     }
 
@@ -132,10 +135,9 @@ impl ChosenSolver {
     /// Returns to the state before the first A.
     pub(crate) fn forget(&mut self) {
         let Self { choice, may_be_single, is_exact, .. } = *self;
-        *self = Self {
-            may_be_single,
-            ..Self::new(&SolverOptions { linear: choice, ..Default::default() }, is_exact)
-        };
+        let interrupt = std::mem::take(&mut self.interrupt);
+        let options = SolverOptions { linear: choice, interrupt, ..Default::default() };
+        *self = Self { may_be_single, ..Self::new(&options, is_exact) };
     }
 
     /// Takes the path that an earlier run took.
@@ -205,12 +207,15 @@ impl ChosenSolver {
             Path::Undecided => Path::Undecided,
             Path::Factor(_) => Path::Factor(Box::new(Factor::new(k)?)),
             Path::Single(_) => Path::Single(Box::new(Factor::new(k)?.into_precision())),
-            Path::Gradients(_) => {
-                Path::Gradients(Box::new(Pcg::new(k, Preconditioner::BlockIncompleteCholesky)))
-            }
+            Path::Gradients(_) => Path::Gradients(Box::new(self.gradients(k))),
             Path::Shared(shared) => Path::Shared(Arc::clone(shared)),
         };
         Ok(())
+    }
+
+    /// Returns conjugate gradients for the pattern of k.
+    fn gradients(&self, k: &SymmetricMatrix) -> Pcg {
+        Pcg::new(k, Preconditioner::BlockIncompleteCholesky).interruptible(self.interrupt.clone())
     }
 
     /// Returns whether ordering and layout belong to the pattern of k.
@@ -253,8 +258,17 @@ impl ChosenSolver {
         }
     }
 
+    /// Returns an error if the step in progress is to be abandoned.
+    pub(crate) fn check_interrupt(&self) -> Result<(), SolverError> {
+        self.interrupt.check()
+    }
+
     /// Computes v ← A⁻¹v.
+    ///
+    /// # Errors
+    /// Returns the error of the solver, or [`SolverError::Interrupted`]: each iteration of a step solves.
     pub(crate) fn apply(&mut self, v: &mut [f64], work: &mut Work) -> Result<(), SolverError> {
+        self.check_interrupt()?;
         let Self { path, x, is_exact, is_tight, .. } = self;
         let (tolerance, longest) = match (*is_exact, *is_tight) {
             (true, _) => (EXACT, LONGEST_EXACT),
@@ -378,7 +392,7 @@ impl ChosenSolver {
     }
 
     fn take_gradients(&mut self, system: &System, k: &SymmetricMatrix, why: String) {
-        let pcg = Pcg::new(k, Preconditioner::BlockIncompleteCholesky);
+        let pcg = self.gradients(k);
         self.pcg = pcg.facts();
         self.enter_gradients(system, &why);
         self.path = Path::Gradients(Box::new(pcg));

@@ -4,6 +4,7 @@
 use vi_core::binary_exponent;
 
 use crate::error::SolverError;
+use crate::interrupt::Interrupt;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors;
@@ -16,7 +17,7 @@ pub(crate) fn minimal_residual(
     b: &[f64],
     tolerance: f64,
     max_iterations: u32,
-    solves: &mut u64,
+    (interrupt, solves): (&Interrupt, &mut u64),
 ) -> Result<Vec<f64>, SolverError> {
     let n = b.len();
     let mut x = vec![0.0; n];
@@ -39,6 +40,7 @@ pub(crate) fn minimal_residual(
     let (mut w, mut w_last) = (vec![0.0; n], vec![0.0; n]);
     let mut image = vec![0.0; n];
     for _ in 0..max_iterations {
+        interrupt.check()?;
         let scale = 1.0 / beta;
         vectors::update(&mut v, |_, value| *value *= scale);
         vectors::update(&mut z, |_, value| *value *= scale);

@@ -16,6 +16,7 @@ use vi_core::SolverFacts;
 
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::index::NONE;
+use crate::interrupt::Interrupt;
 use crate::linear::factor::{Factor, FactorFacts};
 use crate::linear::matrix::{Pattern, SymmetricMatrix};
 use block::{BlockPreconditioner, Preconditioner};
@@ -61,6 +62,7 @@ pub struct Pcg {
     /// The rows that this process computes.
     share: Share,
     vectors: Vectors,
+    interrupt: Interrupt,
 }
 
 /// Vectors of rows · block entries, with zeros at prescribed coordinates.
@@ -111,7 +113,14 @@ impl Pcg {
                 direction: zeros(),
                 product: zeros(),
             },
+            interrupt: Interrupt::NEVER,
         }
+    }
+
+    /// Returns the solver with a request that ends its solves.
+    #[must_use]
+    pub fn interruptible(self, interrupt: Interrupt) -> Self {
+        Self { interrupt, ..self }
     }
 
     /// Takes A = M + cK (M = diag(mass), zero if empty) and builds the preconditioner; returns the kind that was
@@ -179,7 +188,7 @@ impl Pcg {
     ///
     /// # Errors
     /// Returns an error if the iteration does not converge within `max_iterations`, or A is not positive definite. Then
-    /// `x` holds the last iterate, which is a descent direction.
+    /// `x` holds the last iterate, which is a descent direction. Returns [`SolverError::Interrupted`] on request.
     pub fn solve(
         &mut self,
         rhs: &[f64],
@@ -192,7 +201,7 @@ impl Pcg {
             self.single.copy(&self.matrix, self.share.rows.clone());
             self.is_copied = true;
         }
-        let Self { matrix, preconditioner, vectors, coarse, share, single, .. } = self;
+        let Self { matrix, preconditioner, vectors, coarse, share, single, interrupt, .. } = self;
         let mut coarse = coarse.as_mut().filter(|_| needs_coarse);
         let pattern = &*matrix.pattern;
         let multiply = |x: &[f64], y: &mut [f64]| match is_single {
@@ -205,7 +214,7 @@ impl Pcg {
                 coarse.add_correction(r, z, share);
             }
         };
-        iterate((pattern, share), vectors, multiply, apply, (rhs, x), tolerance, max_iterations)
+        iterate((pattern, share, interrupt), vectors, multiply, apply, (rhs, x), tolerance, max_iterations)
     }
 
     /// Solves like [`Pcg::solve`], with the factor of an earlier A as preconditioner.
@@ -223,7 +232,7 @@ impl Pcg {
         if !factor.is_factored() {
             return Err(SolverError::NotFactored);
         }
-        let Self { matrix, vectors, share, .. } = self;
+        let Self { matrix, vectors, share, interrupt, .. } = self;
         let pattern = &*matrix.pattern;
         let multiply = |x: &[f64], y: &mut [f64]| matrix.multiply_rows(share.rows.clone(), x, y);
         let apply = |r: &[f64], z: &mut [f64], scratch: &mut [f64]| {
@@ -232,7 +241,7 @@ impl Pcg {
             factor.apply_inverse(scratch);
             pattern.spread(scratch, z);
         };
-        iterate((pattern, share), vectors, multiply, apply, (rhs, x), tolerance, max_iterations)
+        iterate((pattern, share, interrupt), vectors, multiply, apply, (rhs, x), tolerance, max_iterations)
     }
 
     /// Returns whether this solver is for matrices with the pattern of k.
@@ -309,7 +318,7 @@ fn largest_ratio(a: &SymmetricMatrix, mass: &[f64], rows: Range<usize>) -> f64 {
 }
 
 fn iterate(
-    (pattern, share): (&Pattern, &Share),
+    (pattern, share, interrupt): (&Pattern, &Share, &Interrupt),
     vectors: &mut Vectors,
     multiply: impl Fn(&[f64], &mut [f64]),
     mut precondition: impl FnMut(&[f64], &mut [f64], &mut [f64]),
@@ -328,6 +337,7 @@ fn iterate(
     let mut square = first;
     let mut iterations = 0;
     while square > tolerance * tolerance * first {
+        interrupt.check()?;
         if iterations == max_iterations {
             pattern.collect(solution, x);
             let residual = (square / first).sqrt();

@@ -1,6 +1,7 @@
 //! A pair of symmetric matrices K and M, with a factor of K + σM.
 
 use crate::error::SolverError;
+use crate::interrupt::Interrupt;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
@@ -15,12 +16,13 @@ pub(crate) struct Pencil {
     factor: Factor,
     /// The shift σ, 1/s².
     pub(crate) shift: f64,
+    interrupt: Interrupt,
 }
 
 impl Pencil {
     pub(crate) fn lumped(stiffness: SymmetricMatrix, lumped: Vec<f64>) -> Result<Self, SolverError> {
         let factor = Factor::new(&stiffness)?;
-        Ok(Self { stiffness, lumped, consistent: None, factor, shift: 0.0 })
+        Ok(Self { stiffness, lumped, consistent: None, factor, shift: 0.0, interrupt: Interrupt::NEVER })
     }
 
     pub(crate) fn consistent(
@@ -30,7 +32,13 @@ impl Pencil {
     ) -> Result<Self, SolverError> {
         let sum = MatrixSum::new(&[&stiffness, &mass])?;
         let factor = Factor::new(sum.matrix())?;
-        Ok(Self { stiffness, lumped, consistent: Some((mass, sum)), factor, shift: 0.0 })
+        let consistent = Some((mass, sum));
+        Ok(Self { stiffness, lumped, consistent, factor, shift: 0.0, interrupt: Interrupt::NEVER })
+    }
+
+    /// Returns the pencil with a request that ends factorisations and solves.
+    pub(crate) fn interruptible(self, interrupt: &Interrupt) -> Self {
+        Self { interrupt: interrupt.clone(), ..self }
     }
 
     /// Returns the number of unknowns.
@@ -50,6 +58,7 @@ impl Pencil {
         let mut shift = shift;
         let mut last = None;
         for _ in 0..25 {
+            self.interrupt.check()?;
             let result = match &mut self.consistent {
                 None => {
                     let mass: Vec<f64> = self.lumped.iter().map(|mass| shift * mass).collect();
@@ -73,6 +82,7 @@ impl Pencil {
 
     /// Computes x = (K + σM)⁻¹ b in place.
     pub(crate) fn solve(&mut self, rhs_to_solution: &mut [f64]) -> Result<(), SolverError> {
+        self.interrupt.check()?;
         self.factor.solve(rhs_to_solution).map(|_| ())
     }
 

@@ -111,6 +111,11 @@ impl Inverse {
         self.linear.tighten(tight);
     }
 
+    /// Returns an error if the step in progress is to be abandoned.
+    pub(crate) fn check_interrupt(&self) -> Result<(), SolverError> {
+        self.linear.check_interrupt()
+    }
+
     /// Returns the chosen linear solver and the reason for it, once it is chosen.
     pub(crate) fn reason(&self) -> Option<&str> {
         Some(self.linear.reason()).filter(|reason| !reason.is_empty())

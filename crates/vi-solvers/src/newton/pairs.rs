@@ -203,6 +203,8 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         solve.evaluate()?;
         let longest = solve.equations.longest_correction(solve.evaluator);
         loop {
+            // Factors of the complete tangent are not those of the inverse.
+            solve.inverse.check_interrupt()?;
             let [energy, size];
             let was_direct = is_direct;
             if is_direct {

@@ -141,7 +141,7 @@ pub(crate) fn solve_plainly(
 /// whether the stages made no difference.
 ///
 /// # Errors
-/// Returns the error of the last attempt; `failed`, that of the plain attempt, if there is none.
+/// Returns the error of the last attempt; `failed`, that of the plain attempt, if there is none or if it was interrupted.
 pub(crate) fn solve_in_stages(
     series: &mut impl Frictional,
     attempts: &[Attempt],
@@ -151,9 +151,9 @@ pub(crate) fn solve_in_stages(
 ) -> Result<bool, SolverError> {
     let mut outcome = Err(failed);
     for attempt in attempts {
-        outcome = stiffen(series, *attempt, tolerance, most);
-        if outcome.is_ok() {
-            break;
+        match &outcome {
+            Err(error) if !error.is_interruption() => outcome = stiffen(series, *attempt, tolerance, most),
+            _ => break,
         }
     }
     outcome
@@ -181,6 +181,7 @@ fn stiffen(
         match outcome {
             Ok(()) if !is_stage => return Ok(is_same),
             Ok(()) => (reached, ratio) = (stiffness, (ratio * ratio).min(LARGEST_RATIO)),
+            Err(error) if error.is_interruption() => return Err(error),
             Err(_) if reached >= softest && ratio > SMALLEST_RATIO => {
                 series.go_to(&place);
                 ratio = ratio.sqrt();

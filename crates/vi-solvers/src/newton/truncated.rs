@@ -10,6 +10,7 @@ use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
 use crate::newton::line_search::keep_inside;
 use crate::newton::solver::Newton;
+use crate::newton::start::Start;
 
 impl Newton {
     /// Makes at most `most` corrections. On return the unknowns hold the last iterate.
@@ -23,6 +24,8 @@ impl Newton {
             return self.solve(solve);
         }
         if solve.equations.has_merit() {
+            // What the unknowns were before is not part of the memory of a stepper.
+            solve.start(Start::Predicted);
             best_start(solve)?;
         } else {
             self.begin(solve, self.renewal.start)?;

@@ -14,7 +14,8 @@ pub trait Stepper: Send {
     /// Advances `state` by h (s, > 0).
     ///
     /// # Errors
-    /// Returns a [`StepError`] with the facts; `state` is then unchanged to the bit.
+    /// Returns a [`StepError`] with the facts; `state` is then unchanged to the bit. The next steps have the bits that they would
+    /// have had without the attempt once the [`Stepper::memory`] from before it is restored.
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError>;
 
     /// Returns whether several steps of this system are cheaper together, by [`Stepper::steps`], than one by one.
@@ -146,6 +147,11 @@ pub struct StepError {
 }
 
 impl StepError {
+    /// Returns whether the step was abandoned on request; see [`SolverError::Interrupted`].
+    pub fn is_interruption(&self) -> bool {
+        self.cause.is_interruption()
+    }
+
     /// Returns whether a smaller step may succeed. It may if the state left the domain of a term or the nonlinear
     /// solve did not converge; it cannot if the state at the start is already invalid.
     pub fn smaller_step_may_help(&self) -> bool {

@@ -39,6 +39,7 @@ const OPTIONS: SolverOptions = SolverOptions {
     linear: vi_solvers::LinearSolver::Auto,
     ledger: false,
     max_iterations: 100,
+    interrupt: vi_solvers::Interrupt::NEVER,
 };
 
 /// Steps the system with a live term and the one with which it is compared. Returns how often stencils were

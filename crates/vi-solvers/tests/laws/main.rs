@@ -14,6 +14,7 @@ mod filtered;
 #[path = "../forces/mod.rs"]
 mod forces;
 mod implicit;
+mod interrupt;
 mod live;
 mod modes;
 mod pcg;

@@ -37,7 +37,7 @@ fn chain(nodes: u32, clamped: bool) -> (System, State) {
 fn triple_frequencies_of_a_free_chain_are_all_found() {
     let nodes = 40;
     let (system, state) = chain(nodes, false);
-    let options = ModeOptions { count: 14, tolerance: 1e-9 };
+    let options = ModeOptions { count: 14, tolerance: 1e-9, ..Default::default() };
     let found = modes(&system, &state, vec![], &options).unwrap().modes;
     assert_eq!(found.len(), 14);
     for (k, mode) in found.iter().enumerate() {

@@ -44,7 +44,7 @@ impl Path {
         let before = state.q.clone();
         if let Err(cause) = newton::solve(&mut search.balance, &mut state.q, state.t, &mut stop) {
             state.q = before;
-            if !search.release(state) {
+            if cause.is_interruption() || !search.release(state)? {
                 return Err(cause);
             }
         }
@@ -97,6 +97,7 @@ impl Path {
                     self.length = (length * factor).min(self.arc_of(search.options.largest_increment));
                     return self.accept(search, state, trial, tangent, (dt, iterations));
                 }
+                Err(cause) if cause.is_interruption() => return Err(cause),
                 Err(cause) => {
                     search.report.halvings += 1;
                     length = 0.5 * length.min(dt.abs() * norm);
@@ -146,6 +147,7 @@ impl Path {
                     }
                     change *= 2.0;
                 }
+                Err(cause) if cause.is_interruption() => return Err(cause),
                 Err(cause) => {
                     search.report.halvings += 1;
                     change = 0.5 * (target - here.value).abs();

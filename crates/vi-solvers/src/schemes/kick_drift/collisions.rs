@@ -15,6 +15,7 @@ use vi_core::{
 };
 
 use crate::error::SolverError;
+use crate::interrupt::Interrupt;
 use crate::memory::StepperMemory;
 use crate::newton::budget::Budget;
 use crate::options::SolverOptions;
@@ -33,6 +34,7 @@ pub(super) struct Collisions {
     system: System,
     way: Way,
     state: State,
+    interrupt: Interrupt,
 }
 
 /// The method by which a drift with acting terms is made.
@@ -180,7 +182,7 @@ impl Collisions {
             .map_err(|_| SolverError::Memory { missing: "constraints of the system" })?;
         // The energy error is the work of the residual, which is linear in the residual.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
-        let way = match Touching::new(&system, tolerance) {
+        let way = match Touching::new(&system, tolerance, &options.interrupt) {
             Some(touching) => Way::Touching(Box::new(touching)),
             None => {
                 let rule = Drift(Midpoint::new());
@@ -189,14 +191,16 @@ impl Collisions {
                 Way::Whole(Box::new(OneStage::new(rule, &system, &options)?))
             }
         };
-        Ok(Some(Self { system, way, state: State { t: 0.0, q: Vec::new(), p: Vec::new() } }))
+        let interrupt = options.interrupt.clone();
+        Ok(Some(Self { system, way, state: State { t: 0.0, q: Vec::new(), p: Vec::new() }, interrupt }))
     }
 
     /// Drifts from (q, p) at time t by h. Returns `None` if no term acts along the free drift; the caller then makes
     /// that drift.
     ///
     /// # Errors
-    /// Returns an error if the equations cannot be solved even in small parts of the drift; q and p are then unchanged.
+    /// Returns an error if the equations cannot be solved even in small parts of the drift; q and p are then unchanged. After
+    /// [`SolverError::Interrupted`], so is everything else on which the next drift depends.
     pub(super) fn drift(
         &mut self,
         (q, p): (&mut Vec<f64>, &mut Vec<f64>),
@@ -215,15 +219,19 @@ impl Collisions {
                     return Ok(None);
                 }
                 let remembered = stepper.live_state();
+                let memory = self.interrupt.is_possible().then(|| stepper.memory());
                 if let Err(error) = self.pass(h, HALVINGS, ledger, &mut drifted) {
                     if let Way::Whole(stepper) = &mut self.way {
-                        stepper.go_to_live(&remembered);
+                        match memory.filter(|_| error.is_interruption()) {
+                            Some(memory) => stepper.restore(&self.system, &memory)?,
+                            None => stepper.go_to_live(&remembered),
+                        }
                     }
                     return Err(error);
                 }
             }
             Way::Touching(touching) => {
-                let remembered = touching.passage();
+                let remembered = touching.keep();
                 match Self::pass_touching(touching, &self.system, &mut self.state, h, HALVINGS, &mut drifted)
                 {
                     Ok(false) => return Ok(None),
@@ -266,7 +274,7 @@ impl Collisions {
                 state.t += h;
                 Ok(true)
             }
-            Err(_) if may_divide => {
+            Err(error) if may_divide && !error.is_interruption() => {
                 Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)?;
                 Self::pass_touching(touching, system, state, 0.5 * h, halvings - 1, sum)
             }
@@ -276,7 +284,7 @@ impl Collisions {
 
     /// Drifts by h, or by two halves of it if that fails.
     fn pass(&mut self, h: f64, halvings: u32, ledger: bool, sum: &mut Drifted) -> Result<(), SolverError> {
-        let Self { system, way: Way::Whole(stepper), state } = self else { return Ok(()) };
+        let Self { system, way: Way::Whole(stepper), state, .. } = self else { return Ok(()) };
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
         let before = kinetic(state);
         sum.solves += 1;

@@ -21,10 +21,11 @@ use crate::assemble::free_path::{FreePath, KEPT, make_uniform};
 use crate::assemble::passage::{Passage, Remembered, check_narrowest};
 use crate::error::SolverError;
 use crate::index::free_of;
+use crate::interrupt::Interrupt;
 use crate::memory::StepperMemory;
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
 use crate::newton::start::Start;
-use crate::schemes::kick_drift::touching::lists::Lists;
+use crate::schemes::kick_drift::touching::lists::{Kept, Lists};
 use crate::schemes::kick_drift::touching::newton::Small;
 use crate::vectors;
 use crate::work::Work;
@@ -55,6 +56,8 @@ pub(super) struct Touching {
     lists: Lists,
     passage: Passage,
     tolerance: f64,
+    /// Looked at in every iteration.
+    interrupt: Interrupt,
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
     acting: Acting,
@@ -83,7 +86,7 @@ struct Drift<'a> {
 
 impl Touching {
     /// Returns the drift of a system. Returns `None` if the system has constraints, or terms that do not list their pairs.
-    pub(super) fn new(system: &System, tolerance: f64) -> Option<Self> {
+    pub(super) fn new(system: &System, tolerance: f64, interrupt: &Interrupt) -> Option<Self> {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
         if !system.constraints().is_empty() || !count.is_multiple_of(3) {
@@ -96,6 +99,7 @@ impl Touching {
             lists: Lists::new(system.terms().live().to_vec()),
             passage: Passage::new(system.terms().live().len()),
             tolerance,
+            interrupt: interrupt.clone(),
             free_of: free_of(coordinates),
             acting: Acting::default(),
             compliance: Compliance::default(),
@@ -290,13 +294,14 @@ impl Touching {
         self.passage.take_smallest_gap()
     }
 
-    /// Returns the memory of the terms, for a return to this point.
-    pub(super) fn passage(&self) -> Passage {
-        self.passage.clone()
+    /// Returns the memory of the terms and of the lists, for a return to this point.
+    pub(super) fn keep(&self) -> (Passage, Kept) {
+        (self.passage.clone(), self.lists.keep())
     }
 
-    pub(super) fn go_to(&mut self, passage: Passage) {
+    pub(super) fn go_to(&mut self, (passage, lists): (Passage, Kept)) {
         self.passage = passage;
+        self.lists.go_to(lists);
     }
 
     pub(super) fn save(&self, memory: &mut StepperMemory) {
@@ -351,6 +356,7 @@ impl Frictional for Drift<'_> {
         let mut eta = f64::INFINITY;
         touching.acting.stiffness = aim.stiffness;
         loop {
+            touching.interrupt.check()?;
             coordinates.embed(&touching.y, t, &mut touching.x_end);
             if touching.lists.version() != version {
                 version = touching.lists.version();

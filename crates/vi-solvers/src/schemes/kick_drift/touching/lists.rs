@@ -116,12 +116,12 @@ fn needed(tube: &Tube, inside: &Tube, end: &[f64]) -> Vec<f64> {
 
 pub(super) struct Lists {
     live: Vec<Arc<dyn Live>>,
-    outer: List,
+    outer: Arc<List>,
     /// Number of steps that the outer list has served.
     served: f64,
     /// Least reach of the outer list, as a multiple of the reach that its terms request.
     multiple: f64,
-    inner: List,
+    inner: Arc<List>,
     /// The list of a step, chosen from the inner list.
     step: List,
     searches: u64,
@@ -131,14 +131,23 @@ pub(super) struct Lists {
     deviations: Vec<f64>,
 }
 
+/// What the lists of the next steps depend on, for a return to this point.
+pub(in crate::schemes::kick_drift) struct Kept {
+    outer: Arc<List>,
+    served: f64,
+    multiple: f64,
+    inner: Arc<List>,
+    deviations: Vec<f64>,
+}
+
 impl Lists {
     pub(super) fn new(live: Vec<Arc<dyn Live>>) -> Self {
         Self {
             live,
-            outer: List::default(),
+            outer: Arc::default(),
             served: 0.0,
             multiple: OUTER_REACH[0],
-            inner: List::default(),
+            inner: Arc::default(),
             step: List::default(),
             searches: 0,
             version: 0,
@@ -200,7 +209,7 @@ impl Lists {
             if !self.outer.tube.contains_tube(&inner) {
                 let least = self.multiple * asked;
                 match self.outer.repaired(&inner, least) {
-                    Some(tube) => self.outer = self.within(tube),
+                    Some(tube) => self.outer = Arc::new(self.within(tube)),
                     None => {
                         self.searches += 1;
                         let steps = if self.served > 0.0 {
@@ -211,11 +220,11 @@ impl Lists {
                         self.multiple = self.next_multiple();
                         let least = self.multiple * asked;
                         let tube = self.outer.next_tube(self.served, &inner, steps, least);
-                        (self.outer, self.served) = (self.within(tube), 0.0);
+                        (self.outer, self.served) = (Arc::new(self.within(tube)), 0.0);
                     }
                 }
             }
-            self.inner = narrowed(&self.outer, inner);
+            self.inner = Arc::new(narrowed(&self.outer, inner));
         }
         self.step = narrowed(&self.inner, step);
         self.version += 1;
@@ -252,6 +261,20 @@ impl Lists {
         self.step.terms.iter().map(|term| term.stencils().count() as u64).sum()
     }
 
+    /// Returns what is needed to return to this point between two steps.
+    pub(super) fn keep(&self) -> Kept {
+        let (outer, inner) = (Arc::clone(&self.outer), Arc::clone(&self.inner));
+        let Self { served, multiple, .. } = *self;
+        Kept { outer, served, multiple, inner, deviations: self.deviations.clone() }
+    }
+
+    /// Returns to a point between two steps.
+    pub(super) fn go_to(&mut self, kept: Kept) {
+        let Kept { outer, served, multiple, inner, deviations } = kept;
+        (self.outer, self.served, self.multiple) = (outer, served, multiple);
+        (self.inner, self.deviations) = (inner, deviations);
+    }
+
     /// Saves the tubes of the lists, so that a continued run makes the same lists.
     pub(super) fn save(&self, memory: &mut StepperMemory) {
         for (name, list) in [("outer", &self.outer), ("inner", &self.inner)] {
@@ -272,15 +295,15 @@ impl Lists {
             let fits = count > 0 && tube.motion.len() == count && 3 * tube.reach.len() == count;
             fits.then_some(tube)
         };
-        (self.outer, self.inner, self.served) = (List::default(), List::default(), 0.0);
+        (self.outer, self.inner, self.served) = (Arc::default(), Arc::default(), 0.0);
         self.multiple = OUTER_REACH[0];
         self.deviations = array("deviations".to_owned()).unwrap_or_default();
         if let (Some(tube), Some(&[served, multiple])) =
             (saved("outer"), array("outer.served".to_owned()).as_deref())
         {
-            (self.outer, self.served, self.multiple) = (self.within(tube), served, multiple);
+            (self.outer, self.served, self.multiple) = (Arc::new(self.within(tube)), served, multiple);
             if let Some(tube) = saved("inner") {
-                self.inner = narrowed(&self.outer, tube);
+                self.inner = Arc::new(narrowed(&self.outer, tube));
             }
         }
     }
