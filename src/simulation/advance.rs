@@ -30,7 +30,7 @@ impl Simulation {
     ///
     /// # Errors
     /// Returns the [`StepError`] of the first component that failed; all states are then as before. This also holds for a step that
-    /// was abandoned on request ([`SolverError::Interrupted`](vi_solvers::SolverError::Interrupted)). After
+    /// was abandoned on request ([`SolverError::Interrupted`]). After
     /// [`Simulation::restore`] of a snapshot from before the step, the next steps have the same bits as without it.
     pub fn step(&mut self) -> Result<Stepped, StepError> {
         if self.load_factor().is_some() {

@@ -61,7 +61,7 @@ impl Anchors {
         self.0.iter().map(energy).sum()
     }
 
-    /// Returns six numbers per anchor for a checkpoint: kind (plus [`KINDS`] if it slides), both partners, cell, stretch.
+    /// Returns six numbers per anchor for a checkpoint: kind (plus 3 if it slides), both partners, cell, stretch.
     pub fn to_numbers(&self) -> Vec<f64> {
         let numbers = |anchor: &Anchor| {
             let (kind, a, b) = match anchor.partners {

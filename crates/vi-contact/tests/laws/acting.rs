@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use crate::support::{Numbers, Sheet, body};
-use vi_contact::{ContactPotential, Surface, SurfaceBuilder};
+use crate::support::{Numbers, sheets_half_a_layer_apart};
+use vi_contact::{ContactPotential, Surface};
 use vi_core::{Acting, DiscreteGradient, Potential, StepSpan, Tube};
 
 /// A step over which all damping acts.
@@ -12,19 +12,13 @@ const OVER: StepSpan = StepSpan { duration: 1e-3, damps_end: false };
 
 /// Returns two sheets half a layer apart, shifted against each other, and a motion that presses and slides them.
 fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
-    let (lower, upper) = (Sheet::grid(5, 0.0, 1.0, 0.0), Sheet::grid(4, 0.07, 0.93, 0.02));
-    let x: Vec<f64> = lower.x.iter().chain(&upper.x).copied().collect();
-    let count = (lower.x.len() / 3) as u32;
-    let mut builder = SurfaceBuilder::new(&x);
-    let bodies = [builder.body(body(0.04, 2e3)), builder.body(body(0.04, 2e3))];
-    builder.triangles(bodies[0], &lower.triangles);
-    let above: Vec<[u32; 3]> = upper.triangles.iter().map(|cell| cell.map(|node| node + count)).collect();
-    builder.triangles(bodies[1], &above);
+    let (mut builder, x) = sheets_half_a_layer_apart();
     builder.friction(friction);
     let mut numbers = Numbers::new(11);
-    let moved = x.iter().enumerate().map(|(k, x)| {
-        let slide = if k % 3 == 0 && k >= lower.x.len() { 2e-3 } else { 0.0 };
-        x + slide + 1e-3 * (numbers.unit() - 0.5)
+    let moved = x.iter().enumerate().map(|(k, value)| {
+        let is_upper = x[k - k % 3 + 2] > 0.01;
+        let slide = if k % 3 == 0 && is_upper { 2e-3 } else { 0.0 };
+        value + slide + 1e-3 * (numbers.unit() - 0.5)
     });
     let end = moved.collect();
     (Arc::new(builder.build().expect("a valid surface")), [x, end])

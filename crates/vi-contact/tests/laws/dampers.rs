@@ -3,8 +3,8 @@
 
 use std::sync::Arc;
 
-use crate::support::{Numbers, Sheet, body};
-use vi_contact::{AT_END, ContactPotential, SurfaceBuilder};
+use crate::support::{Numbers, sheets_half_a_layer_apart};
+use vi_contact::{AT_END, ContactPotential};
 use vi_core::{Damper, DiscreteGradient, Potential, StepSpan};
 
 const TAU: f64 = 1e-2;
@@ -13,14 +13,7 @@ const SPAN: StepSpan = StepSpan { duration: H, damps_end: true };
 
 /// Returns two damped sheets half a layer apart.
 fn sheets(friction: f64) -> (ContactPotential, Vec<f64>) {
-    let (lower, upper) = (Sheet::grid(5, 0.0, 1.0, 0.0), Sheet::grid(4, 0.07, 0.93, 0.02));
-    let x: Vec<f64> = lower.x.iter().chain(&upper.x).copied().collect();
-    let count = (lower.x.len() / 3) as u32;
-    let mut builder = SurfaceBuilder::new(&x);
-    let bodies = [builder.body(body(0.04, 2e3)), builder.body(body(0.04, 2e3))];
-    builder.triangles(bodies[0], &lower.triangles);
-    let above: Vec<[u32; 3]> = upper.triangles.iter().map(|cell| cell.map(|node| node + count)).collect();
-    builder.triangles(bodies[1], &above);
+    let (mut builder, x) = sheets_half_a_layer_apart();
     builder.friction(friction);
     builder.damping(TAU);
     let surface = Arc::new(builder.build().expect("a valid surface"));

@@ -5,7 +5,7 @@ pub(crate) mod drift;
 pub(crate) mod particles;
 
 use nalgebra::Vector3;
-use vi_contact::Body;
+use vi_contact::{Body, SurfaceBuilder};
 
 pub(crate) type Vec3 = Vector3<f64>;
 
@@ -79,4 +79,17 @@ pub(crate) fn body(distance: f64, stiffness: f64) -> Body {
 /// Returns the position of a node.
 pub(crate) fn at(x: &[f64], node: u32) -> Vec3 {
     Vec3::from_column_slice(&x[3 * node as usize..3 * node as usize + 3])
+}
+
+/// Returns two sheets half a layer apart and shifted against each other, the upper one at z = .02 m, and their positions.
+pub(crate) fn sheets_half_a_layer_apart() -> (SurfaceBuilder, Vec<f64>) {
+    let (lower, upper) = (Sheet::grid(5, 0.0, 1.0, 0.0), Sheet::grid(4, 0.07, 0.93, 0.02));
+    let x: Vec<f64> = lower.x.iter().chain(&upper.x).copied().collect();
+    let count = (lower.x.len() / 3) as u32;
+    let mut builder = SurfaceBuilder::new(&x);
+    let bodies = [builder.body(body(0.04, 2e3)), builder.body(body(0.04, 2e3))];
+    builder.triangles(bodies[0], &lower.triangles);
+    let above: Vec<[u32; 3]> = upper.triangles.iter().map(|cell| cell.map(|node| node + count)).collect();
+    builder.triangles(bodies[1], &above);
+    (builder, x)
 }
