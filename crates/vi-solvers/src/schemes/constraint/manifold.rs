@@ -296,17 +296,7 @@ impl ConstraintManifold {
     pub(crate) fn project_covector(&self, r: &mut [f64]) -> Result<f64, SolverError> {
         let mut work = 0.0;
         for cluster in &self.clusters {
-            let velocity = DVector::from_iterator(
-                cluster.free.len(),
-                cluster.free.iter().enumerate().map(|(k, &free)| match free {
-                    NONE => 0.0,
-                    free => cluster.inverse_mass[k] * r[free as usize],
-                }),
-            );
-            let rate = &cluster.normal * velocity;
-            let step = cluster.solve(cluster.metric(&cluster.normal, &cluster.normal), &rate);
-            let step = step.ok_or_else(|| cluster.failure(0, 0, rate.amax()))?;
-            cluster.kick(&cluster.normal.tr_mul(&step), r);
+            let (step, _) = cluster.project(&cluster.normal, r, &[])?;
             if self.reads_prescribed {
                 work += cluster.prescribed_work(&cluster.normal, step.as_slice(), &self.x_dot);
             }
@@ -389,17 +379,8 @@ impl ConstraintManifold {
             let g = cluster.jacobian();
             // Project twice, so that the round-off of the first projection is projected too.
             for _ in 0..2 {
-                let velocity = DVector::from_iterator(
-                    cluster.free.len(),
-                    cluster.free.iter().enumerate().map(|(k, &free)| match free {
-                        NONE => self.x_dot[cluster.dofs[k] as usize],
-                        free => cluster.inverse_mass[k] * p[free as usize],
-                    }),
-                );
-                let rate = &g * velocity;
-                let step = cluster.solve(cluster.metric(&g, &g), &rate);
-                let step = step.ok_or_else(|| cluster.failure(0, 0, rate.amax()))?;
-                change += cluster.kick(&g.tr_mul(&step), p);
+                let (step, done) = cluster.project(&g, p, &self.x_dot)?;
+                change += done;
                 if self.reads_prescribed {
                     work += cluster.prescribed_work(&g, step.as_slice(), &self.x_dot);
                 }
@@ -421,6 +402,26 @@ impl Cluster {
             work += sum * d[self.dofs[k] as usize];
         }
         work
+    }
+
+    /// Projects p by p −= Gᵀμ so that G M⁻¹p + G ẋ = 0, where ẋ holds the velocities of prescribed coordinates (none move if it
+    /// is empty). Returns μ and the change of ½ pᵀM⁻¹p.
+    fn project(
+        &self,
+        g: &DMatrix<f64>,
+        p: &mut [f64],
+        prescribed: &[f64],
+    ) -> Result<(DVector<f64>, f64), SolverError> {
+        let velocity = |(k, &free): (usize, &u32)| match free {
+            NONE => prescribed.get(self.dofs[k] as usize).copied().unwrap_or(0.0),
+            free => self.inverse_mass[k] * p[free as usize],
+        };
+        let velocities = self.free.iter().enumerate().map(velocity);
+        let rate = g * DVector::from_iterator(self.free.len(), velocities);
+        let step = self.solve(self.metric(g, g), &rate);
+        let step = step.ok_or_else(|| self.failure(0, 0, rate.amax()))?;
+        let change = self.kick(&g.tr_mul(&step), p);
+        Ok((step, change))
     }
 
     /// Subtracts an impulse from p; returns the change of ½ pᵀM⁻¹p.
