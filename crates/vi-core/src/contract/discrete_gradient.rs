@@ -45,7 +45,7 @@ pub trait DiscreteGradient: Send + Sync {
 }
 
 /// The step over which dissipative forces act.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StepSpan {
     /// Duration, s. An infinite duration leads from one equilibrium to the next. Then the forces are the dissipative ones alone,
     /// at the end of the step, and [`StepOutcome::impulses`] are those of one second.

@@ -20,9 +20,8 @@ pub(crate) struct Remembered {
     memories: Vec<Vec<f64>>,
     /// Energy stored in the terms besides V, J.
     stored: f64,
-    /// Duration of the step, s, and whether dampers act at its end.
-    duration: f64,
-    damps_end: bool,
+    /// The step that begins with it.
+    span: StepSpan,
 }
 
 impl Remembered {
@@ -32,11 +31,7 @@ impl Remembered {
 
     /// Returns a term over a step that begins with this memory, if the term has a special discrete gradient for it.
     fn over_step(&self, number: usize, term: &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>> {
-        term.discrete_gradient()?.over_step(self.span(), &self.memories[number])
-    }
-
-    fn span(&self) -> StepSpan {
-        StepSpan { duration: self.duration, damps_end: self.damps_end }
+        term.discrete_gradient()?.over_step(self.span, &self.memories[number])
     }
 
     pub(crate) fn remember(&self, name: &str, memory: &mut StepperMemory) {
@@ -44,7 +39,7 @@ impl Remembered {
         for (number, values) in self.memories.iter().enumerate() {
             memory.arrays.push((format!("{name}.memory.{number}"), values.clone()));
         }
-        let numbers = vec![self.stored, self.duration, f64::from(u8::from(self.damps_end))];
+        let numbers = vec![self.stored, self.span.duration, f64::from(u8::from(self.span.damps_end))];
         memory.arrays.push((format!("{name}.stored_span"), numbers));
     }
 
@@ -57,7 +52,7 @@ impl Remembered {
         let terms = memory.counts.iter().find(|(key, _)| *key == format!("{name}.terms"))?.1;
         let memories = (0..terms).map(|number| array(&format!("memory.{number}"))).collect::<Option<_>>()?;
         let &[stored, duration, damps_end] = array("stored_span")?.as_slice() else { return None };
-        Some(Self { memories, stored, duration, damps_end: damps_end != 0.0 })
+        Some(Self { memories, stored, span: StepSpan { duration, damps_end: damps_end != 0.0 } })
     }
 }
 
@@ -133,8 +128,8 @@ impl Passage {
             self.x = x.to_vec();
             self.impulses.clear();
         }
-        let is_same = self.now.span() == span && !self.remembers();
-        (self.now.duration, self.now.damps_end) = (span.duration, span.damps_end);
+        let is_same = self.now.span == span && !self.remembers();
+        self.now.span = span;
         !is_same
     }
 
@@ -193,8 +188,7 @@ impl Passage {
         end: &[f64],
     ) -> StepOutcome {
         let mut sum = StepOutcome::default();
-        let Remembered { duration, damps_end, .. } = self.now;
-        self.next = Remembered { duration, damps_end, ..Remembered::new(self.now.memories.len()) };
+        self.next = Remembered { span: self.now.span, ..Remembered::new(self.now.memories.len()) };
         for (number, term) in discrete {
             let over = self.over_step(*number, term);
             let Some(discrete) = over.as_deref().or(term.discrete_gradient()) else { continue };
