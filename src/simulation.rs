@@ -113,6 +113,8 @@ pub struct Simulation {
     options: SolverOptions,
     /// Number of parts into which each step is divided; 1 before any [`Simulation::halve`].
     parts: u32,
+    /// Length of the longest part of a step since [`Simulation::keep`], in h/2¹⁴; 0 if there was none.
+    longest_since_kept: u32,
     switched: bool,
     substeps: Substeps,
     /// The rule of adaptive steps, and their counts.
@@ -264,6 +266,7 @@ impl Simulation {
             method,
             options,
             parts: 1,
+            longest_since_kept: 0,
             switched: false,
             substeps: Substeps { finest: 1, ..Substeps::default() },
             adaptive,

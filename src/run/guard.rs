@@ -13,7 +13,7 @@ use super::observer::{Observer, Purpose, Sight};
 use super::report::Report;
 use crate::record::{Bytes, record};
 use crate::scene::{Guard, GuardAction};
-use crate::simulation::{Observation, Simulation};
+use crate::simulation::{Observation, Simulation, Stepped};
 
 /// Relative round-off of an energy.
 const NOISE: f64 = 1e-11;
@@ -100,6 +100,12 @@ impl EnergyGuard {
     /// Returns whether the guard must observe after this step in order to act.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         self.rule.acts() && step.is_multiple_of(self.stride)
+    }
+
+    /// Returns whether the guard must observe after this step because it was divided: then energy may grow by many times the
+    /// exchange within a few steps, at the highest price.
+    pub(crate) fn doubts(&self, stepped: &Stepped) -> bool {
+        self.rule.acts() && stepped.substeps > 0
     }
 
     /// Returns whether a state to go back to is kept after this step.

@@ -297,7 +297,7 @@ impl Run {
         let begin = Instant::now();
         let every = self.simulation.scene().output.history;
         let row_is_due = self.simulation.is_done() || (every > 0 && step.is_multiple_of(every));
-        if row_is_due || self.observers.guard.is_due(step) {
+        if row_is_due || self.observers.guard.is_due(step) || self.observers.guard.doubts(&stepped) {
             let seen = self.simulation.observe();
             if !seen.is_finite() {
                 return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };

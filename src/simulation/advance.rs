@@ -6,7 +6,7 @@ use vi_solvers::{Assembler, Interrupt, SolverError, StepError};
 
 use super::adaptive::{AdaptiveCounts, Asked};
 use super::march::{self, Course, Cut, Failure, March, march};
-use super::pace::Pace;
+use super::pace::{FLOOR, Pace};
 use super::{Component, ContactFacts, Simulation};
 
 /// Largest number of steps that are made together, so that a caller can interrupt.
@@ -77,6 +77,7 @@ impl Simulation {
             total.energy += done.energy;
             total.substeps += done.substeps;
             finest = finest.max(done.finest);
+            self.longest_since_kept = self.longest_since_kept.max(done.longest);
             total.adaptive_steps += counts.steps;
             self.adaptive_counts.add(counts);
         }
@@ -200,6 +201,7 @@ impl Simulation {
             return false;
         }
         self.steps += u64::from(count);
+        self.longest_since_kept = FLOOR;
         true
     }
 }

@@ -15,6 +15,8 @@ pub(crate) struct March {
     pub(crate) substeps: u64,
     /// Largest number of equal parts into which the step was divided.
     pub(crate) finest: u32,
+    /// Length of the longest substep made, in h/2¹⁴.
+    pub(crate) longest: u32,
 }
 
 impl March {
@@ -24,6 +26,7 @@ impl March {
         self.energy += other.energy;
         self.substeps += other.substeps;
         self.finest = self.finest.max(other.finest);
+        self.longest = self.longest.max(other.longest);
     }
 }
 
@@ -122,6 +125,7 @@ pub(crate) fn march(
                 done.energy += report.energy;
                 done.substeps += 1;
                 done.finest = done.finest.max(FLOOR / size);
+                done.longest = done.longest.max(size);
                 at += size;
                 state.t = start + h * (f64::from(at) / f64::from(FLOOR));
                 let cost = match report.iterations {

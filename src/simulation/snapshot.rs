@@ -6,7 +6,7 @@ use vi_solvers::{Method, SolverError, SolverOptions, StepperMemory, Work};
 
 use super::adaptive::AdaptiveCounts;
 use super::contact::ContactTotals;
-use super::pace::Pace;
+use super::pace::{FLOOR, Pace};
 use super::{Component, Simulation};
 use crate::record::{self, Damage, record};
 
@@ -102,6 +102,7 @@ impl Simulation {
             })
         };
         let components = self.components.iter_mut().map(of).collect::<Result<_, SolverError>>()?;
+        self.longest_since_kept = 0;
         Ok(self.snapshot_of(components))
     }
 
@@ -187,6 +188,14 @@ impl Simulation {
             self.parts *= 2;
         }
         can
+    }
+
+    /// Divides every further step into parts that are at most half as long as the longest one since [`Simulation::keep`]: parts of
+    /// the same length would only repeat the steps that were discarded. Returns false if parts are already h/1024.
+    pub(crate) fn halve_longest(&mut self) -> bool {
+        let could = self.halve();
+        while self.longest_since_kept > 0 && FLOOR / self.parts >= self.longest_since_kept && self.halve() {}
+        could
     }
 
     /// Returns the current step, s: h, or its part after [`Simulation::halve`].

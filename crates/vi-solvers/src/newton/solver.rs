@@ -60,12 +60,7 @@ impl Newton {
     /// Solves the equations. On return the unknowns hold the solution; the last evaluation of the forces may be one
     /// correction before it.
     pub(crate) fn solve<E: Equations>(&mut self, solve: &mut Solve<'_, E>) -> Result<Solved, SolverError> {
-        let mut attempt = Attempt::new(self.tolerance <= ROUND_OFF);
-        if self.renewal.has_descended && !solve.inverse.is_linear() {
-            // Old factors did not work in the last step, so escalate at the first sign of trouble.
-            attempt.wanted = Some(Reason::Slow);
-            attempt.troubles = FACTORS_BEFORE_DESCENT;
-        }
+        let attempt = Attempt::new(self.tolerance <= ROUND_OFF);
         self.begin(solve, self.renewal.start)?;
         match self.iterate(solve, attempt)? {
             Course::Solved(solved) => Ok(solved),
