@@ -241,12 +241,13 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 newton.anderson.mix(delta, load, true);
             }
             let round_off = solve.equations.round_off(solve.evaluator);
-            let forces = solve.equations.forces_size(solve.evaluator);
             let is_whole = solve.equations.limit(solve.evaluator, longest, aim.is_uniform);
             solve.equations.advance(1.0);
             let scale = solve.equations.energy_scale();
             let last = std::mem::replace(&mut eta, relative_error(energy, scale));
             let unlawful = solve.evaluator.pairs().and_then(Pairs::unlawful);
+            let asks_for_forces = progress.asks_for_forces(eta, unlawful);
+            let forces = if asks_for_forces { solve.equations.forces_size(solve.evaluator) } else { 0.0 };
             let verdict = progress.judge(&Iteration {
                 eta,
                 size,
