@@ -209,7 +209,7 @@ pub(crate) struct Iteration {
     pub(crate) is_at_resolution: bool,
 }
 
-/// What follows from an iteration.
+/// The decision after an iteration.
 #[derive(PartialEq)]
 pub(crate) enum Verdict {
     Solved,
@@ -225,15 +225,16 @@ pub(crate) struct Progress {
     /// The least error, residual and number of pairs that do not obey their law.
     least: [f64; 3],
     idle: u32,
-    /// Number of the last iterations in a row in which the last of these did not decrease.
+    /// Number of the last iterations in a row in which the number of pairs that do not obey their law did not fall below its
+    /// least value.
     unsettled: u32,
     /// Number of the last iterations in a row that met the aim, whether or not pairs obeyed their law.
     calm: u32,
     /// [`FAR`] from the first iteration with a large error until the first one with a small error, and infinite otherwise.
     penalty: f64,
-    /// Whether it is or was [`FAR`].
+    /// Whether `penalty` is or was [`FAR`].
     was_far: bool,
-    /// The same three numbers of the last iterations, and the number of all.
+    /// Error, residual and number of pairs that do not obey their law in the last iterations, and the number of all iterations.
     recent: [[f64; 3]; WINDOW],
     count: usize,
 }

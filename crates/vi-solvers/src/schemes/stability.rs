@@ -115,8 +115,8 @@ fn turning_rate(system: &System, state: &State) -> f64 {
     inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
 }
 
-/// Returns ω_max as [`highest`] does, by ranks that share the system. Returns `None` if they cannot find it; then [`highest`] tells
-/// why.
+/// Returns ω_max, found together by the ranks that share the system. Returns `None` if they cannot find it; the error of
+/// [`highest`] then gives the reason.
 fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> {
     let shared = system.terms().shared()?;
     let (n, t) = (system.coordinates().free_count(), state.t);

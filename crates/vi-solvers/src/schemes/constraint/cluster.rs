@@ -15,9 +15,9 @@ pub(super) struct Cluster {
     pub(super) constraints: Vec<QuadraticConstraint>,
     /// The coordinates x_i that the cluster reads.
     pub(super) dofs: Vec<u32>,
-    /// Their free coordinates, or [`NONE`] if they are prescribed.
+    /// The free coordinate of each of `dofs`, or [`NONE`] if it is prescribed.
     pub(super) free: Vec<u32>,
-    /// Which of its nodes are directors, whose coordinates are not lengths.
+    /// Whether each node of the cluster is a director, whose coordinates are not lengths.
     is_director: Vec<bool>,
     /// Inverse masses of the free coordinates; zero for the others.
     pub(super) inverse_mass: DVector<f64>,

@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-12;
 /// coordinates) take 20 to 40.
 const MOST_ITERATIONS: u32 = 1000;
 
-/// What the dampers exchanged.
+/// The effects of the dampers on momenta, energies and impulses.
 pub(super) struct Damped {
     /// M (v' − v) and v' − v of the free coordinates.
     pub(super) momentum: Vec<f64>,
