@@ -6,6 +6,7 @@ mod advance;
 mod between;
 mod contact;
 mod contact_fields;
+mod contact_report;
 mod crossing;
 mod failure;
 mod march;
@@ -20,7 +21,6 @@ pub mod stability;
 #[cfg(test)]
 mod tests;
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange, SharedTerms, State, System};
@@ -398,82 +398,9 @@ impl Simulation {
         self.components.iter().find(|component| component.stepper.is_some()).map(|c| c.state.t)
     }
 
-    /// Returns the smallest gap between surfaces with a contact force, at the start and after any step so far, m;
-    /// infinite without such surfaces.
-    pub fn smallest_gap(&self) -> f64 {
-        self.contact.smallest_gap
-    }
-
-    /// Returns the largest number of surface crossings in any observation so far; counted only if the scene asserts
-    /// it.
-    pub(crate) fn intersections(&self) -> u64 {
-        self.contact.intersections
-    }
-
-    /// Adds notes on joined bodies that cross, and on bodies that were moved before the start.
-    fn tell_of_contact(&mut self) {
-        let name = |number: usize| model::name_of(&self.scene, number);
-        let overlaps = self.meeting.overlapping().map(|(a, b)| {
-            format!("'{}' and '{}' are joined and cross where they start: they do not meet", name(a), name(b))
-        });
-        let moves = self.parted.iter().map(|Parted { body, by: [x, y, z], energy }| {
-            format!(
-                "'{}' was moved by ({x:.3e}, {y:.3e}, {z:.3e}) m before the start, so that it does not touch; potential \
-                 energy changed by {energy:.3e} J, and the energy balance begins after that",
-                name(*body)
-            )
-        });
-        let notes: Vec<String> = overlaps.chain(moves).collect();
-        self.notes.extend(notes);
-    }
-
-    /// Returns all pairs of bodies, and each body with itself, by their numbers in the scene. A pair that is not
-    /// searched for contact comes with the reason.
-    pub(crate) fn contact_pairs(&self) -> impl Iterator<Item = ([usize; 2], Option<&'static str>)> {
-        let count = self.bodies.len() + self.rigids.len();
-        let pairs = (0..count).flat_map(move |a| (a..count).map(move |b| [a, b]));
-        pairs.map(|[a, b]| ([a, b], self.meeting.reason_not(&self.scene, a, b)))
-    }
-
-    /// Returns the constants of contact between two bodies by their numbers in the scene; `None` if they do not meet.
-    #[cfg(feature = "cli")]
-    pub(crate) fn contact_law(&self, [first, second]: [usize; 2]) -> Option<vi_contact::Law> {
-        let mut watches = self.components.iter().filter_map(|component| component.contact.as_ref());
-        watches.find_map(|watch| watch.law(first, second))
-    }
-
     /// Returns the name of a body by its number in the scene. Rigid bodies are numbered after the others.
     pub(crate) fn name_of(&self, number: usize) -> &str {
         model::name_of(&self.scene, number)
-    }
-
-    /// Returns the size of the contact search for report.json; null in a scene without contact.
-    pub(crate) fn contact_report(&self) -> serde_json::Value {
-        if self.scene.contact.is_none() {
-            return serde_json::Value::Null;
-        }
-        let systems = self.components.iter().filter_map(|component| component.contact.as_ref());
-        let systems: Vec<_> = systems.map(ContactWatch::report).collect();
-        let mut searched = 0;
-        let mut skipped: BTreeMap<&str, usize> = BTreeMap::new();
-        for (_, reason) in self.contact_pairs() {
-            match reason {
-                None => searched += 1,
-                Some(reason) => *skipped.entry(reason).or_default() += 1,
-            }
-        }
-        let parted = self.parted.iter().map(|Parted { body, by, energy }| {
-            serde_json::json!({
-                "body": model::name_of(&self.scene, *body), "moved_by": by, "potential_energy": energy,
-            })
-        });
-        let smallest_gap = Some(self.contact.smallest_gap).filter(|gap| gap.is_finite());
-        serde_json::json!({
-            "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched,
-            "pairs_of_bodies_skipped": skipped.values().sum::<usize>(), "reasons_to_skip": skipped,
-            "systems": systems,
-            "parted_at_start": parted.collect::<Vec<_>>(),
-        })
     }
 
     /// Returns the counts of adaptive steps so far; `None` if steps are equal.

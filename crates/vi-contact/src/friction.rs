@@ -63,13 +63,13 @@ pub struct FrictionPair {
     pub weights: [f64; 4],
     /// k of ∂G/∂x₁ ≈ k c cᵀ ⊗ (t₁t₁ᵀ + t₂t₂ᵀ), N/m: half the stiffness of the bristle, less if it slides.
     pub stiffness: f64,
-    /// t₁ and t₂.
+    /// Tangents t₁ and t₂ of the frame in which the slip is measured.
     pub tangents: [Vec3; 2],
     /// Covectors g¹ and g² with Σ_a gᵏ_a·Δx_a = t_k·u.
     pub along: [[Vec3; 4]; 2],
     /// Components of the direction of T along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub sliding: Option<[f64; 2]>,
-    /// What Newton's method knows of the friction.
+    /// The traction and the state of friction of the pair, as Newton's method reads them.
     pub(crate) rubbing: Rubbing,
     /// Coefficient of friction μ.
     pub coefficient: f64,
@@ -83,7 +83,7 @@ pub struct FrictionPair {
     pub anchor: Anchor,
 }
 
-/// How a pair is held together.
+/// The normal force of a pair, and the iterate of Newton's method at which its friction is evaluated.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pressed<'a> {
     /// Force that presses the two parts together, N.
@@ -98,7 +98,7 @@ impl Pressed<'_> {
     }
 }
 
-/// A pair at the start of a step.
+/// The bristle of a pair at the start of a step, with its constants over the step.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Bristles<'a> {
     pub(crate) partners: Partners,
@@ -110,7 +110,7 @@ pub(crate) struct Bristles<'a> {
     pub(crate) stiffness: f64,
     /// Coefficient of friction μ.
     pub(crate) coefficient: f64,
-    /// That of [`StepSettings::response`].
+    /// The factor r of the slip in the traction of a bristle that sticks; see [`StepSettings::response`].
     pub(crate) response: f64,
     /// Round-off of the slip, m.
     pub(crate) resolution: f64,

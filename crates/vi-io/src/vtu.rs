@@ -108,13 +108,7 @@ impl Document {
         let (mut seen_root, mut ended) = (false, false);
         loop {
             let at = reader.buffer_position() as usize;
-            let event = reader.read_event().map_err(|error| {
-                cursor.syntax_at(
-                    reader.error_position() as usize,
-                    "well-formed XML",
-                    error.to_string().as_bytes(),
-                )
-            })?;
+            let event = next_event(&mut reader, &cursor)?;
             let (tag, has_content) = match &event {
                 Event::Start(tag) => (tag, true),
                 Event::Empty(tag) => (tag, false),
@@ -272,6 +266,16 @@ fn number_attribute(tag: &BytesStart, name: &str, cursor: &Cursor, at: usize) ->
     value.trim().parse().map_err(|_| cursor.syntax_at(at, expected(), value.as_bytes()))
 }
 
+/// Returns the next event.
+///
+/// # Errors
+/// Returns an error with its line if the text is not well-formed XML.
+fn next_event<'a>(reader: &mut Reader<&'a [u8]>, cursor: &Cursor) -> Result<Event<'a>, IoError> {
+    reader.read_event().map_err(|error| {
+        cursor.syntax_at(reader.error_position() as usize, "well-formed XML", error.to_string().as_bytes())
+    })
+}
+
 /// Returns the text of a `DataArray` up to its end. Elements inside it (ParaView's `InformationKey`) are ignored.
 fn inline_text(reader: &mut Reader<&[u8]>, cursor: &Cursor) -> Result<Range<usize>, IoError> {
     let start = reader.buffer_position() as usize;
@@ -279,13 +283,7 @@ fn inline_text(reader: &mut Reader<&[u8]>, cursor: &Cursor) -> Result<Range<usiz
     let mut depth = 0;
     loop {
         let at = reader.buffer_position() as usize;
-        let event = reader.read_event().map_err(|error| {
-            cursor.syntax_at(
-                reader.error_position() as usize,
-                "well-formed XML",
-                error.to_string().as_bytes(),
-            )
-        })?;
+        let event = next_event(reader, cursor)?;
         match event {
             Event::Start(_) => depth += 1,
             Event::End(_) if depth > 0 => depth -= 1,

@@ -285,7 +285,7 @@ pub enum SolverError {
     /// Something does not run with a filtered mass.
     #[error("filtered mass does not run with {what}; remove it, or use lumped mass")]
     FilteredMass {
-        /// What does not, and the alternatives.
+        /// What does not run with it, and the alternatives.
         what: String,
     },
     /// The constraints could not be satisfied to round-off.

@@ -8,6 +8,7 @@ mod energy_momentum;
 pub(crate) mod filter;
 mod gauss;
 pub(crate) mod kick_drift;
+pub(crate) mod lanczos;
 pub(crate) mod method;
 mod one_stage;
 pub(crate) mod stability;

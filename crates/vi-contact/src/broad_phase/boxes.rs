@@ -169,7 +169,7 @@ impl Leaf {
         bits.into_iter().fold(0, |all, bit| all | bit)
     }
 
-    /// Calls `found` with the items of `bits` that are not of a group.
+    /// Calls `found` with each item of `bits` that is not in `group`; with all items if `group` is [`LOOSE`].
     #[inline]
     pub(super) fn each_of(&self, mut bits: u32, group: u32, mut found: impl FnMut(usize)) {
         while bits != 0 {

@@ -30,16 +30,16 @@ pub(super) struct Margins<'a> {
     middle: Vec<f64>,
     tube: &'a Tube,
     common: Common,
-    /// For each node, its reach and half of its motion relative to the common one, m.
+    /// For each node, the sum of its reach and of half its motion relative to the common one, m.
     spreads: Vec<f64>,
     moves: bool,
 }
 
-/// How near a pair comes in a tube.
+/// The distance of a pair in a tube, and a lower bound on it.
 pub(super) struct Approach {
     /// Distance in the middle of the path, m.
     distance: f64,
-    /// A distance than which the pair is nowhere in the tube nearer, m.
+    /// A lower bound on the distance of the pair anywhere in the tube, m.
     least: f64,
 }
 

@@ -7,7 +7,7 @@ pub(super) struct Bristle {
     pub(super) end: [f64; 2],
     /// Traction T, N.
     pub(super) traction: [f64; 2],
-    /// |T| relative to the trial traction: 1 while it sticks.
+    /// |T| relative to the trial traction; 1 if the bristle sticks.
     pub(super) held: f64,
 }
 
@@ -38,7 +38,7 @@ pub(super) fn stretch(start: [f64; 2], slip: [f64; 2], k: f64, response: f64, li
     Bristle { end, traction, held }
 }
 
-/// What an iteration knows of the traction of a pair besides its slip.
+/// The data that, together with the slip, give the traction of a pair at an iterate of Newton's method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Prediction {
     /// The traction that the last linear system predicts, N; `None` if there was none.

@@ -23,17 +23,17 @@ use crate::distance::{Closest, Vec3, combine};
 
 pub(crate) use turn::each_turn;
 
-/// How the weights of the closest points change over a step, and λ.
+/// The change of the weights of the closest points over a step, and the factor λ of the change in ζ.
 struct WeightShift {
-    /// c̄ and δ.
+    /// Mean weights c̄, and their change δ.
     mean: [f64; 4],
     delta: [f64; 4],
-    /// x_m, m.
+    /// Positions x_m in the middle of the step, m.
     middle: [Vec3; 4],
     lambda: f64,
-    /// ρ^δ(x_i), m.
+    /// The vectors ρ^δ(x_i) at both ends, m.
     vectors: [Vec3; 2],
-    /// p_i, m².
+    /// p₀ ≥ 0 ≥ p₁, m²; values of the wrong sign are round-off and set to zero.
     along: [f64; 2],
     /// The denominator of λ, m².
     weight: f64,
@@ -58,18 +58,18 @@ impl WeightShift {
     }
 }
 
-/// Change of a distance over a step.
+/// The change of a distance over a step, with its discrete gradient.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct DistanceChange {
-    /// N_a.
+    /// The discrete gradient N_a.
     pub(crate) gradient: [Vec3; 4],
-    /// ∂d₁/∂x₁.
+    /// The gradient ∂d₁/∂x₁ of the distance at the end.
     pub(crate) at_end: [Vec3; 4],
     /// d₁ − d₀ = Σ N_a·Δx_a, without cancellation.
     pub(crate) change: f64,
-    /// c̄_a.
+    /// Mean weights c̄_a of the closest points.
     pub(crate) weights: [f64; 4],
-    /// Unit vector of ρ^c̄(x_m).
+    /// Unit vector along ρ^c̄(x_m).
     pub(crate) normal: Vec3,
 }
 

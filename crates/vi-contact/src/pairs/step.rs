@@ -29,9 +29,9 @@ pub struct StepSettings {
 ///
 /// Damping over a step acts on changes of gaps. If a layer of stiffness k is so stiff that the midpoint rule does not resolve it,
 /// it has a mode of velocities that alternate between ±v while gaps do not change. With the time constant τ, mass m and b = τ k h/(2m),
-/// its factor per step is λ = −1 + 2/b: what is stiffest rings longest. With the share a of τ on velocities, it is divided by 1 +
-/// 2ab. This share gives |λ| < .45 for any b. A smaller share damps gaps that close slowly, as of bodies that settle, more exactly: they
-/// follow (1 − a) τ where the layer is not resolved.
+/// its factor per step is λ = −1 + 2/b, so that the stiffest layers oscillate longest. If a share a of τ acts on velocities, λ is
+/// divided by 1 + 2ab. This share gives |λ| < .45 for any b. A smaller share damps gaps that close slowly, as of bodies that
+/// settle, more exactly: they follow (1 − a) τ where the layer is not resolved.
 pub const AT_END: f64 = 1.0 / 16.0;
 
 impl StepSettings {
@@ -117,7 +117,7 @@ impl StepPair {
         pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
     }
 
-    /// Multiplies the force and its tangents.
+    /// Multiplies the force and its tangents by `factor`.
     pub(crate) fn scale(&mut self, factor: f64) {
         self.gradient.iter_mut().for_each(|gradient| *gradient *= factor);
         self.tangent *= factor;
@@ -190,7 +190,7 @@ pub(crate) struct Parallel {
     by: [f64; 3],
 }
 
-/// The scalar part of a pair over a step.
+/// The scalar quotient Q = ΔC/Δd of a pair over a step, with damping, and its derivatives.
 struct Quotient {
     slope: f64,
     stiffness: f64,
@@ -202,7 +202,7 @@ struct Quotient {
 }
 
 impl Quotient {
-    /// `rate` is τ/h, and `change` is d₁ − d₀.
+    /// Computes the quotient between the distances at both `ends` (m). `rate` is τ/h, and `change` is d₁ − d₀.
     #[inline]
     fn new(strength: &Strength, ends: [f64; 2], change: f64, rate: f64) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;

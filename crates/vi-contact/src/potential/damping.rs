@@ -19,11 +19,11 @@ pub(super) struct TangentialDampers<'a> {
     pub(super) nodes: &'a [u32],
     /// Covectors of the rate of slip along both tangents.
     pub(super) along: [&'a [Vec3]; 2],
-    /// Their sums over the nodes of the first part.
+    /// Sums of these covectors over the nodes of the first part.
     pub(super) on_first: [Vec3; 2],
-    /// N s/m.
+    /// Coefficient of both dampers, N s/m, unless `reserve` bounds it.
     pub(super) coefficient: f64,
-    /// What the cone leaves, N.
+    /// The force by which the traction is below Coulomb's limit μN, N.
     pub(super) reserve: f64,
 }
 

@@ -2,22 +2,20 @@
 //! the terms of a system through it.
 
 mod live_terms;
+mod memory;
+mod passes;
 
-use vi_core::{MassFilter, State, System};
+use vi_core::{State, System};
 
 use crate::assemble::assembler::Assembler;
-use crate::assemble::filtered::FilteredDrift;
 use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::gather::Gather;
 use crate::assemble::hessian::HessianEvaluation;
-use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
-use crate::assemble::sweep::{Arrays, Pass, Sweep};
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
-use crate::memory::StepperMemory;
 use crate::vectors;
 use crate::work::Work;
 
@@ -227,11 +225,6 @@ impl Evaluator {
         self.assembler.gather().is_some_and(Gather::is_shared)
     }
 
-    /// Returns whether this process can make passes of explicit steps ([`Evaluator::sweep`]).
-    pub(crate) fn can_sweep(&self) -> bool {
-        self.assembler.gather().is_some()
-    }
-
     /// Forgets the place of the last evaluation.
     pub(crate) fn forget(&mut self) {
         self.t = f64::NAN;
@@ -241,63 +234,6 @@ impl Evaluator {
     /// Returns whether nothing has been evaluated yet, or everything has been forgotten.
     pub(crate) fn is_blank(&self) -> bool {
         self.t.is_nan()
-    }
-
-    /// Makes a pass of an explicit step over q and p. `kicks` are the one that ends the previous step and the one
-    /// before the drift. If `sums`, the gradient is that of the last [`Evaluator::sum_chunks`], otherwise the known
-    /// one. Returns whether everything written is finite.
-    pub(crate) fn sweep(
-        &mut self,
-        sweep: &Sweep,
-        from: Option<&State>,
-        sums: bool,
-        [closing, kick]: [f64; 2],
-        drift: f64,
-        (q, p): (&mut [f64], &mut [f64]),
-    ) -> bool {
-        let sums_of = self.assembler.gather().filter(|_| sums);
-        let pass = Pass { from, sums: sums_of, closing, kick, drift, sets: false };
-        let is_sound = sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: &mut self.x, q, p });
-        self.gradient_is_of_x = (sums || self.gradient_is_of_x) && drift == 0.0 && is_sound;
-        is_sound
-    }
-
-    /// Makes a pass as [`Evaluator::sweep`] does, but with v = M⁻¹p in place of the drift. v has all coordinates.
-    pub(crate) fn sweep_to_velocity(
-        &mut self,
-        sweep: &Sweep,
-        sums: bool,
-        [closing, kick]: [f64; 2],
-        (q, p): (&mut [f64], &mut [f64]),
-        v: &mut [f64],
-    ) -> bool {
-        let sums = self.assembler.gather().filter(|_| sums);
-        let pass = Pass { from: None, sums, closing, kick, drift: 1.0, sets: true };
-        self.gradient_is_of_x = false;
-        sweep.pass(pass, Arrays { gradient: &mut self.gradient, x: v, q, p })
-    }
-
-    /// Drifts with the velocities of the last [`Evaluator::sweep_to_velocity`]; returns whether all is finite.
-    pub(crate) fn drift_filtered(
-        &mut self,
-        filter: &MassFilter,
-        filtered: &mut FilteredDrift,
-        drift: f64,
-    ) -> bool {
-        self.gradient_is_of_x = false;
-        filtered.drift(filter, drift, &mut self.x)
-    }
-
-    /// Evaluates ∂V/∂x at the result of the last pass and time t, but without the sums over nodes: the next pass
-    /// computes them.
-    pub(crate) fn sum_chunks(&mut self, system: &System, t: f64) {
-        if system.coordinates().is_moving() {
-            system.coordinates().place_prescribed(t, &mut self.x);
-        }
-        self.t = t;
-        self.gradient_is_of_x = false;
-        self.work.gradients += 1;
-        self.assembler.sum_chunks(&self.x, t);
     }
 
     /// Moves to (q, t). Keeps the gradient only if it was evaluated at bitwise the same point.
@@ -422,49 +358,6 @@ impl Evaluator {
             stiffness.into_iter().for_each(|matrix| each(1.0, matrix));
             damping.into_iter().for_each(|matrix| each(*rate, matrix));
         }
-    }
-
-    /// Records the place of the last evaluation, so that a continued run evaluates no more than one that was never
-    /// interrupted.
-    pub(crate) fn save(&self, memory: &mut StepperMemory) {
-        if self.t.is_nan() {
-            return;
-        }
-        if let Some(live) = self.assembler.shared_live() {
-            live.state().save("forces.live", memory);
-        }
-        memory.arrays.push(("forces.x".into(), self.x.clone()));
-        memory.arrays.push(("forces.t".into(), vec![self.t]));
-        if !self.q.is_empty() {
-            memory.arrays.push(("forces.q".into(), self.q.clone()));
-        }
-        let knows_gradient = self.gradient_is_of_x && self.nonconservative.is_none();
-        memory.counts.push(("forces.gradient".into(), u64::from(knows_gradient)));
-    }
-
-    /// Restores the place that [`Evaluator::save`] recorded.
-    ///
-    /// # Errors
-    /// Returns [`SolverError::Memory`] if the memory belongs to another system.
-    pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
-        let Ok(x) = memory.array("forces.x") else { return Ok(()) };
-        let &[t] = memory.array("forces.t")? else {
-            return Err(SolverError::Memory { missing: "forces.t" });
-        };
-        if x.len() != self.x.len() {
-            return Err(SolverError::Memory { missing: "forces.x" });
-        }
-        let live = LiveState::restore("forces.live", memory, x.len());
-        self.go_to_live(&live, &None);
-        self.go_to_positions(x, t);
-        if let Ok(q) = memory.array("forces.q") {
-            self.q.extend_from_slice(q);
-        }
-        if memory.count("forces.gradient")? == 1 {
-            self.assembler.gradient(&self.x, t, &mut self.gradient);
-            self.gradient_is_of_x = true;
-        }
-        Ok(())
     }
 
     fn why_not_finite(&self, at_start: bool) -> SolverError {

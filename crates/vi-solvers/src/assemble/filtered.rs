@@ -13,7 +13,7 @@ const TILE: usize = 64;
 pub(crate) struct FilteredDrift {
     /// M⁻¹p of all coordinates, zero at prescribed ones.
     unfiltered: Vec<f64>,
-    /// The same and M⁻¹L M⁻¹p by nodes.
+    /// M⁻¹p and M⁻¹L M⁻¹p, node by node.
     v: Vec<Padded>,
     z: Vec<Padded>,
     arch: Arch,

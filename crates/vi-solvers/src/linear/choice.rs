@@ -1,5 +1,7 @@
-//! Chooses the linear solver of an implicit step: a Cholesky factor or preconditioned conjugate gradients. The user
-//! or the counted work decides.
+//! The linear solver of an implicit step: a Cholesky factor or preconditioned conjugate gradients. The user or the counted work
+//! decides between them (`decision`).
+
+mod decision;
 
 use std::sync::Arc;
 
@@ -10,10 +12,9 @@ use crate::interrupt::Interrupt;
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
-use crate::linear::pcg::block::Preconditioner;
 use crate::linear::pcg::{Pcg, usable};
-use crate::linear::rivalry::{Rivalry, SOLVES_A_FACTOR};
-use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
+use crate::linear::rivalry::Rivalry;
+use crate::linear::trial::{describe, rough_load};
 use crate::memory::StepperMemory;
 use crate::options::{LinearSolver, SolverOptions};
 use crate::work::Work;
@@ -52,6 +53,7 @@ enum Path {
     Shared(Arc<dyn SharedTerms>),
 }
 
+/// The solver that was chosen, with its matrix A = M + cK.
 pub(crate) struct ChosenSolver {
     choice: LinearSolver,
     path: Path,
@@ -213,11 +215,6 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Returns conjugate gradients for the pattern of k.
-    fn gradients(&self, k: &SymmetricMatrix) -> Pcg {
-        Pcg::new(k, Preconditioner::BlockIncompleteCholesky).interruptible(self.interrupt.clone())
-    }
-
     /// Returns whether ordering and layout belong to the pattern of k.
     fn serves(&self, k: &SymmetricMatrix) -> bool {
         match &self.path {
@@ -341,15 +338,6 @@ impl ChosenSolver {
         indefinite.map_or(Ok(()), |free| Err(NotPositiveDefinite { free }.into()))
     }
 
-    /// Records the costs of conjugate gradients and the reason for them.
-    fn enter_gradients(&mut self, system: &System, why: &str) {
-        self.costs = UnitCosts::new(system, &FactorFacts::default());
-        self.costs.solve = self.mean_solve();
-        self.costs.factor = cost::preparation(&self.pcg);
-        let name = if self.choice == LinearSolver::Petsc { self.choice } else { LinearSolver::Pcg }.name();
-        self.reason = format!("{name}: {why}");
-    }
-
     /// Returns the mean cost of a solve by conjugate gradients so far.
     fn mean_solve(&self) -> f64 {
         let mean = match self.iterations {
@@ -357,152 +345,5 @@ impl ChosenSolver {
             [total, solves] => total as f64 / solves as f64,
         };
         (mean + 1.0) * cost::iteration(&self.pcg)
-    }
-
-    fn take_factor(&mut self, system: &System, k: &SymmetricMatrix, why: &str) -> Result<(), SolverError> {
-        self.keep_factor(system, Factor::new(k)?);
-        self.reason = format!("{}; {why}", self.reason);
-        Ok(())
-    }
-
-    /// Returns whether to use single precision: only if something corrects its error cheaply. It is not used for
-    /// exact solves, for solves that find multipliers of constraints, or for tolerances near round-off, where it
-    /// would cost one more iteration.
-    fn prefers_single(&self, system: &System) -> bool {
-        self.may_be_single && system.constraints().is_empty() && self.choice != LinearSolver::CholeskyDouble
-    }
-
-    /// Takes the path of a factor with its costs, in the precision that suits.
-    fn keep_factor(&mut self, system: &System, factor: Factor) {
-        let single = match self.continued.take() {
-            Some([_, single]) => single,
-            None => self.prefers_single(system),
-        };
-        self.path = if single {
-            Path::Single(Box::new(factor.into_precision()))
-        } else {
-            Path::Factor(Box::new(factor))
-        };
-        let facts = self.facts();
-        self.costs = UnitCosts::new(system, &facts);
-        if single {
-            self.costs.factor *= SINGLE_COST;
-        }
-        self.reason = describe(&facts, single);
-    }
-
-    fn take_gradients(&mut self, system: &System, k: &SymmetricMatrix, why: String) {
-        let pcg = self.gradients(k);
-        self.pcg = pcg.facts();
-        self.enter_gradients(system, &why);
-        self.path = Path::Gradients(Box::new(pcg));
-    }
-
-    /// Chooses by counted work: the cost of a factor, shared by the solves that use it, against that of conjugate
-    /// gradients. One trial solve finds their number of iterations.
-    fn decide(
-        &mut self,
-        system: &System,
-        mass: &[f64],
-        c: f64,
-        k: &SymmetricMatrix,
-        positions: &[f64],
-        work: &mut Work,
-    ) -> Result<(), SolverError> {
-        match self.continued {
-            Some([true, _]) => {
-                self.continued = None;
-                self.take_gradients(system, k, CONTINUED.to_owned());
-                return Ok(());
-            }
-            Some([false, _]) => return self.take_factor(system, k, CONTINUED),
-            None => {}
-        }
-        match self.choice {
-            LinearSolver::Pcg => {
-                self.take_gradients(system, k, "asked for".to_owned());
-                return Ok(());
-            }
-            LinearSolver::Cholesky | LinearSolver::CholeskyDouble => {
-                return self.take_factor(system, k, "asked for");
-            }
-            LinearSolver::Petsc => return Err(SolverError::no_petsc()),
-            LinearSolver::Auto => {}
-        }
-        match Factor::new(k) {
-            Ok(factor) => self.keep_factor(system, factor),
-            Err(error @ SolverError::Symbolic { .. }) => {
-                self.take_gradients(system, k, format!("a factor is not possible: {error}"));
-                return Ok(());
-            }
-            Err(error) => return Err(error),
-        }
-        // Facts and costs of the factor if it were made.
-        let (facts, costs) = (self.facts(), self.costs);
-        self.rivalry.begin(Some(&costs));
-        if let Some(why) = too_large(&facts) {
-            self.rivalry.begin(None);
-            self.take_gradients(system, k, why);
-            return Ok(());
-        }
-        if facts.flops <= CONSIDER_FLOPS || self.is_exact {
-            self.rivalry.begin(None);
-            return Ok(());
-        }
-        let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
-        let flops = 1e-9 * facts.flops;
-        if let Some([iterations, gradients]) =
-            try_gradients((system.free_mass(), mass, c, k, positions), FORCING, direct, work)
-        {
-            let (gradients, direct) = (1e3 * gradients, 1e3 * direct);
-            let why = format!(
-                "a solve takes {iterations} iterations, {gradients:.1} ms of the reference core, against {direct:.1} ms \
-                 with a factor of {flops:.0} Gflop"
-            );
-            self.take_gradients(system, k, why);
-        }
-        Ok(())
-    }
-
-    /// Compares the current solver with its rival by the work so far, and changes to it if it is cheaper.
-    fn compare(
-        &mut self,
-        system: &System,
-        mass: &[f64],
-        c: f64,
-        k: &SymmetricMatrix,
-        positions: &[f64],
-        work: &mut Work,
-    ) -> Result<(), SolverError> {
-        let factor = self.rivalry.factor;
-        let (matrices, solves) = (self.rivalry.matrices - 1, self.rivalry.solves);
-        let costs = UnitCosts { factor: factor[0], solve: factor[1], ..self.costs };
-        if matches!(self.path, Path::Gradients(_)) {
-            if self.rivalry.is_dearer([self.costs.factor, self.costs.solve]) {
-                let [total, count] = self.iterations;
-                let mean = total as f64 / count as f64;
-                let why = format!(
-                    "conjugate gradients took {mean:.0} iterations per solve, with {matrices} matrices for {solves} solves"
-                );
-                self.take_factor(system, k, &why)?;
-                self.rivalry.begin(Some(&costs));
-            }
-        } else {
-            let preconditioner =
-                cost::preparation(&Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts());
-            let most = self.rivalry.largest_gradients(preconditioner);
-            if most > 0.0
-                && let Some([iterations, _]) =
-                    try_gradients((system.free_mass(), mass, c, k, positions), FORCING, most, work)
-            {
-                let why = format!(
-                    "a solve takes {iterations} iterations, and factors were made for {matrices} matrices in {solves} solves"
-                );
-                self.iterations = [0; 2];
-                self.take_gradients(system, k, why);
-                self.rivalry.begin(Some(&costs));
-            }
-        }
-        Ok(())
     }
 }

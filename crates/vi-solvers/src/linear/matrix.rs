@@ -95,6 +95,17 @@ impl Pattern {
         self.places[self.row_start[row + 1] as usize - 1] as usize
     }
 
+    /// Returns the entries of the diagonal that belong to free coordinates: their place among the values, and the coordinate.
+    fn free_diagonal(&self) -> impl Iterator<Item = (usize, usize)> {
+        let block = self.block;
+        (0..self.row_count()).flat_map(move |row| {
+            let place = self.diagonal_place(row) * block * block;
+            let free = self.free_of[row * block..][..block].iter().enumerate();
+            let free = free.filter(|(_, free)| **free != NONE);
+            free.map(move |(k, &free)| (place + k * block + k, free as usize))
+        })
+    }
+
     /// Spreads the free coordinates of a vector over rows · block entries, with zeros between.
     pub(crate) fn spread(&self, free: &[f64], padded: &mut [f64]) {
         for (value, &k) in padded.iter_mut().zip(&self.free_of) {
@@ -194,15 +205,8 @@ impl SymmetricMatrix {
 
     /// Writes the diagonal.
     pub fn diagonal(&self, out: &mut [f64]) {
-        let block = self.pattern.block;
-        for row in 0..self.pattern.row_count() {
-            let place = self.pattern.diagonal_place(row) * block * block;
-            for k in 0..block {
-                let free = self.pattern.free_of[row * block + k];
-                if free != NONE {
-                    out[free as usize] = self.values[place + k * block + k];
-                }
-            }
+        for (place, free) in self.pattern.free_diagonal() {
+            out[free] = self.values[place];
         }
     }
 
@@ -223,15 +227,8 @@ impl SymmetricMatrix {
         if mass.is_empty() {
             return;
         }
-        let block = self.pattern.block;
-        for row in 0..self.pattern.row_count() {
-            let place = self.pattern.diagonal_place(row) * block * block;
-            for k in 0..block {
-                let free = self.pattern.free_of[row * block + k];
-                if free != NONE {
-                    self.values[place + k * block + k] += mass[free as usize];
-                }
-            }
+        for (place, free) in self.pattern.free_diagonal() {
+            self.values[place] += mass[free];
         }
     }
 

@@ -1,10 +1,10 @@
 //! Newton's method for steps in which live terms act pair by pair, with the complete tangents of the pairs: J = A + E,
 //! where A is the symmetric model that has a factor, and E holds what A lacks: how friction follows pressure, and how
 //! pairs have changed since A was factored. GMRES solves (I + A⁻¹E) δ = −A⁻¹R. Small systems need none of this: J, with the
-//! exact K and the forces of constraints, is factored in every iteration. So it is in later iterations of a step in which GMRES
-//! needed more work than such a factor. While the error decreases fast enough, factors of large systems are kept, and the iteration
-//! with the same factor is accelerated (`anderson`): what its tangents lack, such as how friction turns with the surface, acts along
-//! few directions.
+//! exact K and the forces of constraints, is factored in every iteration. J is also factored in
+//! later iterations of a step if GMRES needed more work than such a factor. While the error decreases fast enough, factors of large
+//! systems are kept, and the iteration with the same factor is accelerated (`anderson`): what its tangents lack, such as how
+//! friction turns with the surface, acts along few directions.
 //!
 //! If a correction would move pairs through each other, the nodes of these pairs make only a part of it, and all others make
 //! the whole correction. The iteration ends when the error is within the tolerance, or when the residual is no larger than
@@ -241,12 +241,13 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 newton.anderson.mix(delta, load, true);
             }
             let round_off = solve.equations.round_off(solve.evaluator);
-            let forces = solve.equations.forces_size(solve.evaluator);
             let is_whole = solve.equations.limit(solve.evaluator, longest, aim.is_uniform);
             solve.equations.advance(1.0);
             let scale = solve.equations.energy_scale();
             let last = std::mem::replace(&mut eta, relative_error(energy, scale));
             let unlawful = solve.evaluator.pairs().and_then(Pairs::unlawful);
+            let asks_for_forces = progress.asks_for_forces(eta, unlawful);
+            let forces = if asks_for_forces { solve.equations.forces_size(solve.evaluator) } else { 0.0 };
             let verdict = progress.judge(&Iteration {
                 eta,
                 size,

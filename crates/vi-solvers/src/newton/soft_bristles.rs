@@ -200,7 +200,8 @@ pub(crate) struct Iteration {
     pub(crate) is_whole: bool,
     /// Number of pairs whose traction of friction does not obey its law; `None` without friction.
     pub(crate) unlawful: Option<usize>,
-    /// The size of the forces of pairs in the residual; zero if it is not known.
+    /// The size of the forces of pairs in the residual; zero if it is not known, or if [`Progress::asks_for_forces`] does not
+    /// ask for it.
     pub(crate) forces: f64,
     /// A bound on the size that the residual has by round-off; zero if it is not known.
     pub(crate) round_off: f64,
@@ -208,7 +209,7 @@ pub(crate) struct Iteration {
     pub(crate) is_at_resolution: bool,
 }
 
-/// What follows from an iteration.
+/// The decision after an iteration.
 #[derive(PartialEq)]
 pub(crate) enum Verdict {
     Solved,
@@ -224,15 +225,16 @@ pub(crate) struct Progress {
     /// The least error, residual and number of pairs that do not obey their law.
     least: [f64; 3],
     idle: u32,
-    /// Number of the last iterations in a row in which the last of these did not decrease.
+    /// Number of the last iterations in a row in which the number of pairs that do not obey their law did not fall below its
+    /// least value.
     unsettled: u32,
     /// Number of the last iterations in a row that met the aim, whether or not pairs obeyed their law.
     calm: u32,
     /// [`FAR`] from the first iteration with a large error until the first one with a small error, and infinite otherwise.
     penalty: f64,
-    /// Whether it is or was [`FAR`].
+    /// Whether `penalty` is or was [`FAR`].
     was_far: bool,
-    /// The same three numbers of the last iterations, and the number of all.
+    /// Error, residual and number of pairs that do not obey their law in the last iterations, and the number of all iterations.
     recent: [[f64; 3]; WINDOW],
     count: usize,
 }
@@ -260,6 +262,12 @@ impl Progress {
         self.penalty
     }
 
+    /// Returns whether the judgement of an iteration with this error and number of unlawful pairs depends on the forces of pairs:
+    /// far from the solution, until bristles were made softer once.
+    pub(crate) fn asks_for_forces(&self, eta: f64, unlawful: Option<usize>) -> bool {
+        !self.was_far && unlawful.is_some() && eta >= CLOSE
+    }
+
     pub(crate) fn judge(&mut self, iteration: &Iteration) -> Verdict {
         let Iteration { eta, size, is_whole, unlawful, forces, round_off, is_at_resolution } = *iteration;
         if !eta.is_finite() {
@@ -269,7 +277,7 @@ impl Progress {
             *self = Self { was_far: true, ..Self::towards(self.aim) };
             return Verdict::Continue;
         }
-        if !self.was_far && unlawful.is_some() && eta >= CLOSE && size >= BALANCED * forces {
+        if self.asks_for_forces(eta, unlawful) && size >= BALANCED * forces {
             (self.penalty, self.was_far) = (FAR, true);
         }
         let unlawful = unlawful.unwrap_or(0);

@@ -5,14 +5,14 @@
 pub(crate) enum Command {
     /// Take the state that follows.
     Place {
-        /// If the evaluator was somewhere: its time, s, and whether it knows the gradient there. Its positions follow.
+        /// The time of the last evaluation, s, and whether its gradient is known, if there was one. Its positions follow.
         evaluated: Option<(f64, bool)>,
     },
     /// Make steps, and send the state back if all ranks succeed.
     Steps {
         /// The time at the start, s.
         t: f64,
-        /// The step, s.
+        /// The length of a step, s.
         h: f64,
         /// The number of steps.
         count: u32,
@@ -39,12 +39,12 @@ pub(crate) enum Command {
     },
     /// Divide the last vector by its norm, multiply it, and send the terms of the product of both back.
     MultiplyLanczos {
-        /// The norm.
+        /// The norm of the last vector.
         norm: f64,
     },
     /// Subtract the current and the earlier vector from the product, and send the squares of its numbers back.
     SubtractLanczos {
-        /// Their factors.
+        /// The factors of the current and of the earlier vector.
         factors: [f64; 2],
     },
     /// Assemble A = aM + cK at the positions that follow, and prepare its solver.
@@ -58,7 +58,7 @@ pub(crate) enum Command {
     },
     /// Solve with A for the load that follows, and send the solution back.
     Solve {
-        /// The relative error.
+        /// The relative error to which the system is solved.
         tolerance: f64,
         /// The largest number of iterations.
         most: u32,
@@ -105,7 +105,7 @@ impl Command {
         head.chain(numbers.into_iter().flat_map(f64::to_le_bytes)).collect()
     }
 
-    /// Returns the component and the command of these bytes; `None` if they are none.
+    /// Returns the component and the command that these bytes encode; `None` if they encode no command.
     pub(crate) fn decode(bytes: &[u8]) -> Option<(usize, Self)> {
         let (head, numbers) = bytes.split_at_checked(8)?;
         let word = |k: usize| Some(u32::from_le_bytes(*head[4 * k..].first_chunk()?));

@@ -70,7 +70,7 @@ struct Conductor {
     there: Option<u64>,
     /// The time of the state to which they can go back, s; `None` if they keep none.
     kept: Option<f64>,
-    /// What the ranks must know beside their next state, if they have none.
+    /// The memory that the ranks need together with their next state, as long as they have no state.
     memory: StepperMemory,
     /// Work of steps that were repeated, less that of the member before the last restart.
     repeated: Work,

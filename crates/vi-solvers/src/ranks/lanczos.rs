@@ -1,4 +1,4 @@
-//! The vectors of Lanczos' method for the highest frequency (`schemes/stability.rs`), of the portion of one of several ranks. Only
+//! The vectors of Lanczos' method for the highest frequency (`schemes/lanczos.rs`), of the portion of one of several ranks. Only
 //! sums over all ranks are left to the first one.
 
 use vi_core::{Exchange, System};

@@ -11,41 +11,41 @@ use crate::ranks::rows::RowsLayout;
 ///
 /// Free coordinates are counted when they are needed: lists of them would take three times the memory of the nodes.
 pub(crate) struct Held {
-    /// Its nodes, ascending.
+    /// Nodes of the rank, ascending.
     nodes: Vec<u32>,
-    /// Places in `nodes` of those whose gradient it reports, ascending.
+    /// Places in `nodes` of those whose gradient the rank reports, ascending.
     reported: Vec<u32>,
-    /// The coordinates of the whole system that are not free, ascending, if it makes steps.
+    /// The coordinates of the whole system that are not free, ascending; `None` if the rank makes no steps.
     held_fast: Option<Arc<[u32]>>,
     /// Coordinates per node.
     block: usize,
 }
 
 impl Held {
-    /// Returns all its coordinates.
+    /// Returns all coordinates of the rank.
     pub(crate) fn dofs(&self) -> impl Iterator<Item = usize> {
         let block = self.block;
         self.nodes.iter().flat_map(move |&node| block * node as usize..block * (node as usize + 1))
     }
 
-    /// Returns the coordinates whose gradient it reports.
+    /// Returns the coordinates whose gradient the rank reports.
     pub(crate) fn reported_dofs(&self) -> impl Iterator<Item = usize> {
         let Self { nodes, reported, block, .. } = self;
         let node = |&place: &u32| nodes[place as usize] as usize;
         reported.iter().map(node).flat_map(move |node| block * node..block * (node + 1))
     }
 
-    /// Returns the number of these coordinates.
+    /// Returns the number of coordinates whose gradient the rank reports.
     pub(crate) fn reported_count(&self) -> usize {
         self.block * self.reported.len()
     }
 
-    /// Returns its free coordinates, if it makes steps.
+    /// Returns the free coordinates of the rank; none if it makes no steps.
     pub(crate) fn free(&self) -> impl Iterator<Item = usize> {
         self.free_of(self.dofs())
     }
 
-    /// Returns those of its free coordinates that it reports.
+    /// Returns the free coordinates whose gradient the rank reports; none if it makes no steps.
     pub(crate) fn reported_free(&self) -> impl Iterator<Item = usize> {
         self.free_of(self.reported_dofs())
     }
@@ -61,7 +61,7 @@ impl Held {
     }
 }
 
-/// How a system is divided among ranks.
+/// The division of a system among ranks.
 pub(crate) struct Layout {
     /// The coordinates of each rank.
     pub(crate) held: Vec<Held>,

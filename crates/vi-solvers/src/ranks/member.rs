@@ -39,17 +39,17 @@ pub struct Member {
     kept: Option<(State, StepperMemory)>,
     /// The vectors for the highest frequency, while it is being found.
     lanczos: Option<Box<Lanczos>>,
-    /// Its rows of the linear systems, if the ranks solve them together.
+    /// The rows of this rank in the linear systems, if the ranks solve them together.
     rows: Option<Rows>,
     block: usize,
     exchange: Arc<dyn Exchange>,
 }
 
-/// What a rank does with its portion.
+/// The task of a rank with its portion.
 enum Task {
-    /// It makes explicit steps.
+    /// Make explicit steps.
     Steps(Box<KickDrift>),
-    /// It sums terms; the first rank makes the steps.
+    /// Sum terms; the first rank makes the steps.
     Sums(Box<Assembler>),
 }
 

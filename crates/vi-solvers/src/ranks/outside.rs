@@ -15,11 +15,11 @@ const PREPARATION_COST: f64 = 170.0;
 pub(super) struct Outside {
     solver: Box<dyn RankSolver>,
     rows: BlockRows,
-    /// Whether it holds the last matrix, and has solved with it so far.
+    /// Whether the solver holds the last matrix, and has not failed with it.
     is_ready: bool,
     load: Vec<f64>,
     solution: Vec<f64>,
-    /// The reasons for which it failed, and how many of them have been told.
+    /// The reasons for which the solver failed, and how many of them have been reported.
     failures: Vec<String>,
     told: usize,
 }

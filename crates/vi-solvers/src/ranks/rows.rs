@@ -22,14 +22,14 @@ use crate::ranks::outside::Outside;
 /// The rows of a rank, with the portion of the system that has entries in them.
 pub(crate) struct Rows {
     system: System,
-    /// Number of each of its rows, and of those of others that it knows, among all rows.
+    /// The number among all rows of each row of this rank, and of each row of other ranks that it knows.
     numbers: Vec<u32>,
     /// The place of the node of each of these rows among the nodes of the portion.
     places: Vec<u32>,
     row_count: usize,
-    /// Number of each of its free coordinates among all.
+    /// The number among all free coordinates of each free coordinate that it knows.
     free: Vec<u32>,
-    /// Its own among these free coordinates.
+    /// The range of these that belongs to the rows of this rank.
     own: Range<usize>,
     block: usize,
     exchange: Arc<dyn Exchange>,
@@ -44,18 +44,18 @@ struct Solver {
     solution: Vec<f64>,
 }
 
-/// What the first rank must know of the rows of a rank.
+/// The rows of one rank, as the first rank sees them.
 pub(crate) struct RowsLayout {
-    /// Its nodes, also those of rows of others.
+    /// Nodes whose positions the rank needs, including those of rows of other ranks.
     nodes: Vec<u32>,
-    /// Its free coordinates.
+    /// Free coordinates of the rank's own rows.
     pub(crate) free: Range<usize>,
     /// Coordinates per node.
     block: usize,
 }
 
 impl RowsLayout {
-    /// Returns all coordinates whose positions it needs.
+    /// Returns all coordinates whose positions the rank needs.
     pub(crate) fn dofs(&self) -> impl Iterator<Item = usize> {
         let block = self.block;
         self.nodes.iter().flat_map(move |&node| block * node as usize..block * (node as usize + 1))

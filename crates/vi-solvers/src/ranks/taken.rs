@@ -15,7 +15,7 @@ use crate::options::SolverOptions;
 use crate::schemes::kick_drift::splitting::Splitting;
 use crate::schemes::method::Method;
 
-/// What a rank takes.
+/// The portion of a system that a rank takes, with what it needs to sum the terms or to make steps.
 pub(crate) struct Taken {
     /// The portion as a system.
     pub(crate) system: System,

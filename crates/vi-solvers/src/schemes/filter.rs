@@ -5,7 +5,8 @@ use vi_core::{MassFilter, Padded, System};
 
 use crate::assemble::links::links;
 use crate::error::SolverError;
-use crate::schemes::stability::{Lanczos, noise, per_unit};
+use crate::schemes::lanczos::{self, SymmetricOperator};
+use crate::schemes::stability::per_unit;
 use crate::vectors;
 
 /// Relative error of the highest eigenvalue. The estimate is at most this much too high.
@@ -23,40 +24,55 @@ pub fn mass_filter(system: &System, x: &[f64]) -> Result<MassFilter, SolverError
         return Err(SolverError::NotFinite { what: "the Hessian at rest", dof, at_start: true });
     }
     let filter = MassFilter::new(system.coordinates(), &system.mass(), &links);
-    let highest = highest_eigenvalue(system, &filter);
+    let highest = highest_eigenvalue(system, &filter)?;
     Ok(filter.with_highest(highest))
 }
 
-/// Returns the highest eigenvalue of M⁻¹L, 1/s², by Lanczos' method in the inner product of M.
-fn highest_eigenvalue(system: &System, filter: &MassFilter) -> f64 {
-    let (free, mass, unit) = (system.coordinates().free(), system.free_mass(), per_unit(system));
-    let (n, count) = (free.len(), system.mass().len());
+/// Returns the highest eigenvalue of M⁻¹L, 1/s².
+fn highest_eigenvalue(system: &System, filter: &MassFilter) -> Result<f64, SolverError> {
+    let n = system.coordinates().free_count();
     if n == 0 || filter.entries() == 0 {
-        return 0.0;
+        return Ok(0.0);
     }
-    let product = |a: &[f64], b: &[f64]| vectors::sum(n, |k| (mass[k] * unit) * (a[k] * b[k]));
-    let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
-    let (mut previous, mut next) = (vec![0.0; n], vec![0.0; n]);
-    let [mut spread, mut image] = [(); 2].map(|()| vec![Padded::default(); count / 3]);
-    let size = product(&current, &current).sqrt();
-    vectors::update(&mut current, |_, value| *value /= size);
-    let mut iteration = Lanczos::new(n);
-    loop {
-        for (&dof, value) in free.iter().zip(&current) {
+    let [spread, image] = [(); 2].map(|()| vec![Padded::default(); system.mass().len() / 3]);
+    let mut laplacian = Laplacian { system, filter, unit: per_unit(system), spread, image };
+    let omega = lanczos::highest(&mut laplacian, n, ACCURACY)?.omega;
+    Ok(omega * omega)
+}
+
+/// The operator M⁻¹L on the free coordinates, which is symmetric in the inner product of M.
+struct Laplacian<'a> {
+    system: &'a System,
+    filter: &'a MassFilter,
+    /// The inverse of the unit in which the inner product measures masses.
+    unit: f64,
+    /// A vector and its product with M⁻¹L at all nodes.
+    spread: Vec<Padded>,
+    image: Vec<Padded>,
+}
+
+impl SymmetricOperator for Laplacian<'_> {
+    fn apply(&mut self, v: &[f64], out: &mut [f64]) -> Result<(), SolverError> {
+        let Self { system, filter, spread, image, .. } = self;
+        let free = system.coordinates().free();
+        for (&dof, value) in free.iter().zip(v) {
             spread[dof as usize / 3].0[dof as usize % 3] = *value;
         }
-        filter.laplacian(0, &spread, &mut image);
-        vectors::fill(&mut next, |k| image[free[k] as usize / 3].0[free[k] as usize % 3]);
-        let (alpha, beta) = (product(&next, &current), iteration.beta);
-        vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
-        let beta = product(&next, &next).sqrt();
-        if beta > 0.0 {
-            vectors::update(&mut next, |_, value| *value /= beta);
+        filter.laplacian(0, spread, image);
+        vectors::fill(out, |k| image[free[k] as usize / 3].0[free[k] as usize % 3]);
+        Ok(())
+    }
+
+    fn product(&self, a: &[f64], v: &[f64]) -> f64 {
+        let mass = self.system.free_mass();
+        vectors::sum(a.len(), |k| (mass[k] * self.unit) * (a[k] * v[k]))
+    }
+
+    fn normalize(&mut self, v: &mut [f64]) -> f64 {
+        let norm = self.product(v, v).sqrt();
+        if norm > 0.0 {
+            vectors::update(v, |_, value| *value /= norm);
         }
-        if let Some(found) = iteration.enter(alpha, beta, ACCURACY) {
-            return found.omega * found.omega;
-        }
-        std::mem::swap(&mut previous, &mut current);
-        std::mem::swap(&mut current, &mut next);
+        norm
     }
 }

@@ -97,11 +97,11 @@ pub enum AcceptedForces {
 /// The systems that a scheme can step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Accepts {
-    /// Which forces without a potential it accepts.
+    /// The forces without a potential that the scheme accepts.
     pub forces: AcceptedForces,
-    /// Whether it accepts constraints: rigid bodies and joints.
+    /// Whether the scheme accepts constraints: rigid bodies and joints.
     pub constraints: bool,
-    /// Whether it accepts mass that is not lumped.
+    /// Whether the scheme accepts mass that is not lumped.
     pub consistent_mass: bool,
 }
 

@@ -152,7 +152,9 @@ impl<R: Rule> OneStage<R> {
         if inertia.matrix().is_some() {
             velocity.iter_mut().zip(&*dv).for_each(|(v, dv)| *v += dv);
         }
-        let dampers = evaluator.dampers(system, &velocity, after.t);
+        let mut x_dot = vec![0.0; system.coordinates().dof_count()];
+        system.coordinates().embed_velocity(&velocity, after.t, &mut x_dot);
+        let dampers = evaluator.dampers(&x_dot);
         if dampers.is_empty() {
             return Ok(());
         }
@@ -160,7 +162,7 @@ impl<R: Rule> OneStage<R> {
             manifold.set_directions(system, &after.q, after.t);
         }
         let ends = EndDampers { system, inertia, manifold: manifold.as_ref(), dampers: &dampers, t: after.t };
-        let damped = ends.damp(&velocity, h, &mut evaluator.work)?;
+        let damped = ends.damp(&velocity, x_dot, h, &mut evaluator.work)?;
         after.p.iter_mut().zip(&damped.momentum).for_each(|(p, change)| *p += change);
         if inertia.matrix().is_some() {
             dv.iter_mut().zip(&damped.velocity).for_each(|(dv, change)| *dv += change);

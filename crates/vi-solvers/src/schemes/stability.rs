@@ -1,22 +1,21 @@
-//! Estimates the highest frequency of a body, which limits the step of every explicit scheme. It uses the Lanczos
+//! Estimates the highest frequency of a body, which limits the step of every explicit scheme. It uses Lanczos'
 //! method on M^{-1/2} K M^{-1/2}, with K v from differences of two gradients. It must not build a Hessian, because an
 //! explicit run has none.
 //!
 //! The result transforms as a frequency does. Translations of the body change it only by the round-off of its
 //! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector3};
 use vi_core::{LanczosStart, State, System, binary_exponent};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
+use crate::schemes::lanczos::{self, HighestFrequency, SymmetricOperator, Tridiagonal, noise, normalize};
 use crate::vectors;
 
-/// Largest number of Lanczos vectors.
-const MAX_ITERATIONS: u32 = 120;
 /// Relative error of λ_max below which the estimate is accurate enough.
 const ACCURACY: f64 = 0.01;
-/// The same for steps that keep a distance from their limit.
+/// Relative error of λ_max for steps that keep a distance from their limit.
 const ROUGH: f64 = 0.1;
 /// Largest displacement of a difference, relative to the extent of the body. Its square and the round-off that it
 /// amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
@@ -26,16 +25,6 @@ const DIFFERENCE: f64 = 1e-7;
 const RESOLVED: f64 = 1e4;
 /// Largest displacement, relative to the extent, that still counts as small.
 const LARGEST: f64 = 1e-3;
-
-/// An estimate of the highest frequency about a state.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HighestFrequency {
-    /// ω_max = √λ_max(M⁻¹K), rad/s, or √λ_max(W K) with a filtered mass: the Ritz value plus its residual bound. It is therefore an overestimate, by at
-    /// most 1 % if the iteration converged.
-    pub omega: f64,
-    /// Number of products with K, each of two gradients.
-    pub iterations: u32,
-}
 
 /// Returns ω_max about `state`. The start vector is the same in every run.
 ///
@@ -126,8 +115,8 @@ fn turning_rate(system: &System, state: &State) -> f64 {
     inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
 }
 
-/// Returns ω_max as [`highest`] does, by ranks that share the system. Returns `None` if they cannot find it; then [`highest`] tells
-/// why.
+/// Returns ω_max, found together by the ranks that share the system. Returns `None` if they cannot find it; the error of
+/// [`highest`] then gives the reason.
 fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> {
     let shared = system.terms().shared()?;
     let (n, t) = (system.coordinates().free_count(), state.t);
@@ -140,48 +129,19 @@ fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> 
         return None;
     }
     let mut terms = vec![0.0; n];
-    let mut iteration = Lanczos::new(n);
+    let mut matrix = Tridiagonal::new(n);
     let mut beta = 1.0;
     loop {
         shared.multiply_lanczos(beta, &mut terms);
         let alpha = vectors::sum(n, |k| terms[k]);
-        shared.subtract_lanczos([alpha, iteration.beta], &mut terms);
+        shared.subtract_lanczos([alpha, matrix.beta], &mut terms);
         beta = vectors::sum(n, |k| terms[k]).sqrt();
         if !alpha.is_finite() || !beta.is_finite() {
             return None;
         }
-        if let Some(found) = iteration.enter(alpha, beta, ACCURACY) {
+        if let Some(found) = matrix.enter(alpha, beta, ACCURACY) {
             return Some(found);
         }
-    }
-}
-
-/// The tridiagonal matrix of Lanczos' method for n unknowns.
-pub(crate) struct Lanczos {
-    n: usize,
-    diagonal: Vec<f64>,
-    off_diagonal: Vec<f64>,
-    /// The norm of the last vector; 0 at first.
-    pub(crate) beta: f64,
-}
-
-impl Lanczos {
-    pub(crate) fn new(n: usize) -> Self {
-        Self { n, diagonal: Vec::new(), off_diagonal: Vec::new(), beta: 0.0 }
-    }
-
-    /// Enters the numbers of an iteration; returns the frequency if they suffice.
-    pub(crate) fn enter(&mut self, alpha: f64, beta: f64, accuracy: f64) -> Option<HighestFrequency> {
-        self.diagonal.push(alpha);
-        self.beta = beta;
-        let (ritz, residual) = largest_ritz_value(&self.diagonal, &self.off_diagonal, beta);
-        let iterations = self.diagonal.len() as u32;
-        let is_enough = residual <= accuracy * ritz.abs()
-            || beta == 0.0
-            || self.diagonal.len() >= self.n
-            || iterations == MAX_ITERATIONS;
-        self.off_diagonal.push(beta);
-        is_enough.then(|| HighestFrequency { omega: (ritz + residual).max(0.0).sqrt(), iterations })
     }
 }
 
@@ -201,70 +161,77 @@ fn highest(
         return Ok(HighestFrequency { omega: 0.0, iterations: 0 });
     }
     operator.place(system, state)?;
+    let mut about = About { operator, system, state };
     if system.filter().is_some() {
-        return highest_filtered(operator, system, state, accuracy);
+        return lanczos::highest(&mut Filtered::new(about), n, accuracy);
     }
-    let mut previous = vec![0.0; n];
-    let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
-    normalize(&mut current);
-    let mut next = vec![0.0; n];
-    let mut iteration = Lanczos::new(n);
-    loop {
-        operator.apply(system, state, &current, &mut next)?;
-        let alpha = vectors::sum(n, |k| next[k] * current[k]);
-        let beta = iteration.beta;
-        vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
-        let beta = normalize(&mut next);
-        if let Some(found) = iteration.enter(alpha, beta, accuracy) {
-            return Ok(found);
-        }
-        std::mem::swap(&mut previous, &mut current);
-        std::mem::swap(&mut current, &mut next);
+    lanczos::highest(&mut about, n, accuracy)
+}
+
+/// The operator M^{-1/2} K M^{-1/2} about a state, which is symmetric in the Euclidean inner product.
+struct About<'a> {
+    operator: &'a mut Operator,
+    system: &'a System,
+    state: &'a State,
+}
+
+impl SymmetricOperator for About<'_> {
+    fn apply(&mut self, v: &[f64], out: &mut [f64]) -> Result<(), SolverError> {
+        self.operator.apply(self.system, self.state, v, out)
+    }
+
+    fn product(&self, a: &[f64], v: &[f64]) -> f64 {
+        vectors::dot(a, v)
+    }
+
+    fn normalize(&mut self, v: &mut [f64]) -> f64 {
+        normalize(v)
     }
 }
 
-/// Returns ω_max of W K, by Lanczos' method with the preconditioner S = M^{1/2} W M^{1/2} for M^{-1/2} K M^{-1/2}: its
-/// vectors u are orthonormal in uᵀS u.
-fn highest_filtered(
-    operator: &mut Operator,
-    system: &System,
-    state: &State,
-    accuracy: f64,
-) -> Result<HighestFrequency, SolverError> {
-    let n = system.coordinates().free_count();
-    let roots: Vec<f64> = (0..n).map(|k| operator.root_mass(system, k)).collect();
-    let unit = operator.per_unit;
-    let filtered = |u: &[f64]| -> Vec<f64> {
-        let momentum: Vec<f64> = u.iter().zip(&roots).map(|(u, root)| u * root).collect();
+/// The operator M^{-1/2} K M^{-1/2} S with the preconditioner S = M^{1/2} W M^{1/2} about a state. Its eigenvalues are those of
+/// W K, and it is symmetric in the inner product uᵀS u.
+struct Filtered<'a> {
+    about: About<'a>,
+    /// √(m/unit) of the free coordinates.
+    roots: Vec<f64>,
+    /// S u for the vector u that was normalised last.
+    image: Vec<f64>,
+}
+
+impl<'a> Filtered<'a> {
+    fn new(about: About<'a>) -> Self {
+        let n = about.system.coordinates().free_count();
+        let roots = (0..n).map(|k| about.operator.root_mass(about.system, k)).collect();
+        Self { about, roots, image: Vec::new() }
+    }
+
+    /// Returns S u.
+    fn filtered(&self, u: &[f64]) -> Vec<f64> {
+        let About { operator, system, .. } = &self.about;
+        let momentum: Vec<f64> = u.iter().zip(&self.roots).map(|(u, root)| u * root).collect();
         let velocity = system.velocity(&momentum);
-        velocity.iter().zip(&roots).map(|(v, root)| v * root / unit).collect()
-    };
-    // Scales u and S u so that uᵀS u = 1; returns √(uᵀS u).
-    let normalized = |u: &mut Vec<f64>| {
-        let mut image = filtered(u);
-        let norm = vectors::dot(u, &image).max(0.0).sqrt();
+        velocity.iter().zip(&self.roots).map(|(v, root)| v * root / operator.per_unit).collect()
+    }
+}
+
+impl SymmetricOperator for Filtered<'_> {
+    fn apply(&mut self, _u: &[f64], out: &mut [f64]) -> Result<(), SolverError> {
+        self.about.apply(&self.image, out)
+    }
+
+    fn product(&self, a: &[f64], _u: &[f64]) -> f64 {
+        vectors::dot(a, &self.image)
+    }
+
+    fn normalize(&mut self, u: &mut [f64]) -> f64 {
+        self.image = self.filtered(u);
+        let norm = vectors::dot(u, &self.image).max(0.0).sqrt();
         if norm > 0.0 {
             vectors::update(u, |_, u| *u /= norm);
-            vectors::update(&mut image, |_, image| *image /= norm);
+            vectors::update(&mut self.image, |_, image| *image /= norm);
         }
-        (image, norm)
-    };
-    let (mut previous, mut next) = (vec![0.0; n], vec![0.0; n]);
-    let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
-    let (mut image, _) = normalized(&mut current);
-    let mut iteration = Lanczos::new(n);
-    loop {
-        operator.apply(system, state, &image, &mut next)?;
-        let alpha = vectors::dot(&next, &image);
-        let beta = iteration.beta;
-        vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
-        let (next_image, beta) = normalized(&mut next);
-        if let Some(found) = iteration.enter(alpha, beta, accuracy) {
-            return Ok(found);
-        }
-        image = next_image;
-        std::mem::swap(&mut previous, &mut current);
-        std::mem::swap(&mut current, &mut next);
+        norm
     }
 }
 
@@ -344,35 +311,6 @@ fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
         return Err(SolverError::Unresolved { extent, reach });
     }
     Ok(resolved.max(DIFFERENCE * extent))
-}
-
-/// Returns the largest eigenvalue of the tridiagonal matrix, and the residual β |s_last| of its vector.
-fn largest_ritz_value(diagonal: &[f64], off_diagonal: &[f64], beta: f64) -> (f64, f64) {
-    let m = diagonal.len();
-    let matrix = DMatrix::from_fn(m, m, |i, j| match i.abs_diff(j) {
-        0 => diagonal[i],
-        1 => off_diagonal[i.min(j)],
-        _ => 0.0,
-    });
-    let eigen = matrix.symmetric_eigen();
-    let largest = eigen.eigenvalues.imax();
-    (eigen.eigenvalues[largest], (beta * eigen.eigenvectors[(m - 1, largest)]).abs())
-}
-
-fn normalize(v: &mut [f64]) -> f64 {
-    let norm = vectors::sum(v.len(), |k| v[k] * v[k]).sqrt();
-    if norm > 0.0 {
-        vectors::update(v, |_, v| *v /= norm);
-    }
-    norm
-}
-
-/// Returns a number in ±½ from a counter (the finaliser of SplitMix64, Steele et al. 2014).
-pub(crate) fn noise(k: u64) -> f64 {
-    let mut z = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    (z ^ (z >> 31)) as f64 / u64::MAX as f64 - 0.5
 }
 
 #[cfg(test)]

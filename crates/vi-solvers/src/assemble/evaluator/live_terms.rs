@@ -191,12 +191,10 @@ impl Evaluator {
         Ok(live.close_step(start, end))
     }
 
-    /// Returns the dampers at the end of the step that was closed last, with velocities q̇ there at time t.
-    pub(crate) fn dampers(&mut self, system: &System, q_dot: &[f64], t: f64) -> Vec<Damper> {
+    /// Returns the dampers at the end of the step that was closed last, with the velocities of all coordinates there.
+    pub(crate) fn dampers(&mut self, x_dot: &[f64]) -> Vec<Damper> {
         let (Some([_, end]), Some(live)) = (&self.ends, self.assembler.live()) else { return Vec::new() };
-        let mut velocity = vec![0.0; end.len()];
-        system.coordinates().embed_velocity(q_dot, t, &mut velocity);
-        live.dampers(end, &velocity)
+        live.dampers(end, x_dot)
     }
 
     /// Adds impulses (N s) at the end of the step that was closed last.

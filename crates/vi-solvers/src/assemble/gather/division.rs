@@ -28,11 +28,11 @@ pub(crate) struct Division {
 
 /// The sum that a rank computes.
 pub(crate) struct Share {
-    /// The sum of its chunks on its own nodes.
+    /// The sum of the rank's chunks on the nodes of the rank.
     pub(crate) gather: Gather,
-    /// The portions of the terms of the whole system that its terms must be.
+    /// The portions of the terms of the whole system from which the terms of the rank are built.
     pub(crate) terms: Vec<TermPortion>,
-    /// Its chunks in the order of the whole system, as spans of its own terms.
+    /// The chunks of the rank in the order of the whole system, as spans of the rank's terms.
     pub(crate) spans: Vec<Span>,
 }
 
@@ -40,7 +40,7 @@ pub(crate) struct Share {
 pub(crate) struct TermPortion {
     /// Index of the term.
     pub(crate) term: usize,
-    /// Its stencils.
+    /// The stencils of the run.
     pub(crate) stencils: Range<usize>,
 }
 

@@ -34,7 +34,7 @@ pub(super) struct Near {
     pub(super) parts: Option<[FixedSum; 2]>,
     /// The terms with a discrete gradient.
     pub(super) discrete: Vec<Numbered>,
-    /// Their discrete gradients over the open step.
+    /// The discrete gradients of these terms over the open step.
     pub(super) over: Vec<Over>,
     /// The pairs of the open step, if they were chosen from all.
     pub(super) close: Option<Close>,

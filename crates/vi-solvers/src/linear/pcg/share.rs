@@ -25,18 +25,18 @@ pub(crate) struct Share {
     exchange: Arc<dyn Exchange>,
     /// Number of rows of all processes.
     row_count: usize,
-    /// Its rows, in its own numbers.
+    /// Rows of this process, in its own numbers.
     pub(super) rows: Range<usize>,
-    /// Its domains, in its own numbers of rows.
+    /// Domains of this process, as ranges of its own rows.
     pub(super) domains: Vec<Range<usize>>,
-    /// Its runs, in its own numbers of rows.
+    /// Runs of this process, as ranges of its own rows.
     pub(super) runs: Vec<Range<usize>>,
-    /// The number of each of its free coordinates among those of all processes; empty if they are the same.
+    /// The number of each free coordinate of this process among those of all processes; empty if the numbers are the same.
     free: Vec<u32>,
     links: Vec<Link>,
 }
 
-/// What this process and another one send each other.
+/// The rows whose values this process and another one exchange.
 struct Link {
     rank: usize,
     /// Own rows that have entries with rows of the other.

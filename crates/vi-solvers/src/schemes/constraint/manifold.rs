@@ -8,122 +8,18 @@
 //! distance in m², a perpendicularity in 1); therefore S = G M⁻¹ Gᵀ is judged and solved in units of its own rows
 //! ([`Units`]).
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use vi_core::System;
-use vi_core::constraints::QuadraticConstraint;
 
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
+use crate::schemes::constraint::cluster::{Cluster, clusters};
 use crate::schemes::constraint::units::Units;
 
 /// Number of iterations for the multipliers after which a step fails.
 const MAX_ITERATIONS: u32 = 50;
 /// A defect counts as zero if it is below this many units of its round-off.
 const NOISE: f64 = 4.0;
-
-/// Constraints that share free coordinates, with coordinates numbered from 0.
-struct Cluster {
-    constraints: Vec<QuadraticConstraint>,
-    /// The coordinates x_i that the cluster reads.
-    dofs: Vec<u32>,
-    /// Their free coordinates, or [`NONE`] if they are prescribed.
-    free: Vec<u32>,
-    /// Which of its nodes are directors, whose coordinates are not lengths.
-    is_director: Vec<bool>,
-    /// Inverse masses of the free coordinates; zero for the others.
-    inverse_mass: DVector<f64>,
-    /// The current values of the coordinates.
-    y: Vec<f64>,
-    /// G at the configuration from which the step takes the directions of the multipliers.
-    normal: DMatrix<f64>,
-    /// Units of N M⁻¹ Nᵀ with these directions N.
-    units: Units,
-    /// Whether its constraints depend on each other.
-    is_redundant: bool,
-}
-
-impl Cluster {
-    fn new(system: &System, members: &[&QuadraticConstraint], free_of: &[u32]) -> Self {
-        let mut nodes: Vec<u32> = members.iter().flat_map(|constraint| constraint.nodes()).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        // Constraints were resolved against the coordinates, so every node has a number.
-        let number = |node: u32| nodes.binary_search(&node).unwrap_or(0) as u32;
-        let dofs: Vec<u32> = nodes.iter().flat_map(|&node| 3 * node..3 * node + 3).collect();
-        let free: Vec<u32> = dofs.iter().map(|&dof| free_of[dof as usize]).collect();
-        let mass = system.free_mass();
-        let inverse = |&k: &u32| if k == NONE { 0.0 } else { 1.0 / mass[k as usize] };
-        Self {
-            constraints: members.iter().map(|constraint| constraint.renumbered(number)).collect(),
-            is_director: nodes.iter().map(|&node| system.coordinates().is_director(node)).collect(),
-            inverse_mass: DVector::from_iterator(free.len(), free.iter().map(inverse)),
-            y: vec![0.0; dofs.len()],
-            normal: DMatrix::zeros(members.len(), dofs.len()),
-            units: Units::of(&DVector::from_element(members.len(), 1.0)),
-            is_redundant: false,
-            dofs,
-            free,
-        }
-    }
-
-    /// Sets the configuration to q; reads prescribed coordinates from `x`.
-    fn place(&mut self, q: &[f64], x: &[f64]) {
-        for (k, y) in self.y.iter_mut().enumerate() {
-            *y = if self.free[k] == NONE { x[self.dofs[k] as usize] } else { q[self.free[k] as usize] };
-        }
-    }
-
-    /// Returns G at the current configuration, m × coordinates.
-    fn jacobian(&self) -> DMatrix<f64> {
-        let mut transposed = DMatrix::zeros(self.dofs.len(), self.constraints.len());
-        let columns = transposed.as_mut_slice().chunks_exact_mut(self.dofs.len());
-        for (constraint, column) in self.constraints.iter().zip(columns) {
-            constraint.add_gradient(&self.y, 1.0, column);
-        }
-        transposed.transpose()
-    }
-
-    /// Returns g at the current configuration.
-    fn defect(&self) -> DVector<f64> {
-        DVector::from_iterator(self.constraints.len(), self.constraints.iter().map(|c| c.value(&self.y)))
-    }
-
-    /// Returns the largest |g| in units of its round-off, and its constraint.
-    fn worst(&self, defect: &DVector<f64>) -> (f64, usize) {
-        // Coordinates near zero are sums of others. Therefore all points have the round-off of the farthest of them,
-        // and all directors that of the longest.
-        let mut size = [0.0_f64; 2];
-        for (node, y) in self.y.chunks_exact(3).enumerate() {
-            let size = &mut size[usize::from(self.is_director[node])];
-            *size = y.iter().fold(*size, |size, y| size.max(y.abs()));
-        }
-        let of_node = |node: u32| size[usize::from(self.is_director[node as usize])];
-        let sizes = self.constraints.iter().map(|c| f64::EPSILON * c.magnitude(&self.y, of_node));
-        let relative = defect.iter().zip(sizes).map(|(g, size)| if *g == 0.0 { 0.0 } else { g.abs() / size });
-        relative.enumerate().fold((0.0, 0), |worst, (k, value)| {
-            if value > worst.0 || value.is_nan() { (value, k) } else { worst }
-        })
-    }
-
-    /// Returns G M⁻¹ Nᵀ.
-    fn metric(&self, g: &DMatrix<f64>, normal: &DMatrix<f64>) -> DMatrix<f64> {
-        let mut weighted = normal.transpose();
-        for (mut row, inverse) in weighted.row_iter_mut().zip(&self.inverse_mass) {
-            row *= *inverse;
-        }
-        g * weighted
-    }
-
-    /// Solves S λ = r.
-    fn solve(&self, matrix: DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
-        self.units.solve(matrix, rhs, self.is_redundant)
-    }
-
-    fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {
-        let constraint = self.constraints[constraint].name().to_owned();
-        SolverError::ConstraintDefect { constraint, iterations, defect }
-    }
-}
 
 /// All clusters of a system.
 pub(crate) struct ConstraintManifold {
@@ -392,76 +288,6 @@ impl ConstraintManifold {
 
 /// A row of G on the free coordinates: (coordinate, value).
 pub(crate) type Row = Vec<(u32, f64)>;
-
-impl Cluster {
-    /// Returns λᵀG d over the prescribed coordinates of the cluster.
-    fn prescribed_work(&self, g: &DMatrix<f64>, lambda: &[f64], d: &[f64]) -> f64 {
-        let mut work = 0.0;
-        for (k, _) in self.free.iter().enumerate().filter(|(_, free)| **free == NONE) {
-            let sum: f64 = lambda.iter().enumerate().map(|(i, lambda)| g[(i, k)] * lambda).sum();
-            work += sum * d[self.dofs[k] as usize];
-        }
-        work
-    }
-
-    /// Projects p by p −= Gᵀμ so that G M⁻¹p + G ẋ = 0, where ẋ holds the velocities of prescribed coordinates (none move if it
-    /// is empty). Returns μ and the change of ½ pᵀM⁻¹p.
-    fn project(
-        &self,
-        g: &DMatrix<f64>,
-        p: &mut [f64],
-        prescribed: &[f64],
-    ) -> Result<(DVector<f64>, f64), SolverError> {
-        let velocity = |(k, &free): (usize, &u32)| match free {
-            NONE => prescribed.get(self.dofs[k] as usize).copied().unwrap_or(0.0),
-            free => self.inverse_mass[k] * p[free as usize],
-        };
-        let velocities = self.free.iter().enumerate().map(velocity);
-        let rate = g * DVector::from_iterator(self.free.len(), velocities);
-        let step = self.solve(self.metric(g, g), &rate);
-        let step = step.ok_or_else(|| self.failure(0, 0, rate.amax()))?;
-        let change = self.kick(&g.tr_mul(&step), p);
-        Ok((step, change))
-    }
-
-    /// Subtracts an impulse from p; returns the change of ½ pᵀM⁻¹p.
-    fn kick(&self, impulse: &DVector<f64>, p: &mut [f64]) -> f64 {
-        let mut change = 0.0;
-        for (k, &free) in self.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
-            let before = p[free as usize];
-            p[free as usize] -= impulse[k];
-            change -= impulse[k] * (before - 0.5 * impulse[k]) * self.inverse_mass[k];
-        }
-        change
-    }
-}
-
-/// Returns the constraints by cluster, both in the order of the system.
-fn clusters<'a>(system: &'a System, free_of: &[u32]) -> Vec<Vec<&'a QuadraticConstraint>> {
-    let constraints = system.constraints();
-    let mut label: Vec<usize> = (0..constraints.len()).collect();
-    let mut first_of = std::collections::BTreeMap::new();
-    for (i, constraint) in constraints.iter().enumerate() {
-        let free_nodes: Vec<u32> = constraint
-            .nodes()
-            .filter(|&node| (0..3).any(|k| free_of[3 * node as usize + k] != NONE))
-            .collect();
-        for node in free_nodes {
-            let other = label[*first_of.entry(node).or_insert(i)];
-            let (keep, drop) = (other.min(label[i]), other.max(label[i]));
-            if keep != drop {
-                label.iter_mut().filter(|l| **l == drop).for_each(|l| *l = keep);
-            }
-        }
-    }
-    let mut order = label.clone();
-    order.sort_unstable();
-    order.dedup();
-    let members = |cluster: usize| {
-        constraints.iter().zip(&label).filter(move |(_, l)| **l == cluster).map(|(constraint, _)| constraint)
-    };
-    order.into_iter().map(|cluster| members(cluster).collect()).collect()
-}
 
 /// Makes the momenta of `state` tangent to the constraints by impulses of the constraints, as at the beginning of a
 /// run. Returns the change of the velocities relative to the velocities, both in the norm of the mass.

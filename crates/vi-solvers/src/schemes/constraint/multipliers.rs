@@ -53,9 +53,9 @@ pub(crate) struct Multipliers {
 enum Part {
     /// The whole correction, which also meets the constraints.
     Whole,
-    /// A change of it.
+    /// A change that is added to the correction.
     Change,
-    /// A change that is not made.
+    /// A change that is only computed and not added.
     Trial,
 }
 

@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-12;
 /// coordinates) take 20 to 40.
 const MOST_ITERATIONS: u32 = 1000;
 
-/// What the dampers exchanged.
+/// The effects of the dampers on momenta, energies and impulses.
 pub(super) struct Damped {
     /// M (v' − v) and v' − v of the free coordinates.
     pub(super) momentum: Vec<f64>,
@@ -49,15 +49,19 @@ pub(super) struct EndDampers<'a> {
 }
 
 impl EndDampers<'_> {
-    /// Damps the velocities v of the free coordinates over h (s).
+    /// Damps the velocities v of the free coordinates over h (s), where `x_dot` holds those of all coordinates.
     ///
     /// # Errors
     /// Returns [`SolverError::ConstraintDefect`] if constraints depend on each other where they did not before.
-    pub(super) fn damp(&self, v: &[f64], h: f64, work: &mut Work) -> Result<Damped, SolverError> {
+    pub(super) fn damp(
+        &self,
+        v: &[f64],
+        mut x_dot: Vec<f64>,
+        h: f64,
+        work: &mut Work,
+    ) -> Result<Damped, SolverError> {
         let coordinates = self.system.coordinates();
         let count = self.dampers.len();
-        let mut x_dot = vec![0.0; coordinates.dof_count()];
-        coordinates.embed_velocity(v, self.t, &mut x_dot);
         let mut r: Vec<f64> = self.dampers.iter().map(|damper| -damper.rate(&x_dot)).collect();
         let softness: Vec<f64> = self.dampers.iter().map(|damper| 1.0 / (h * damper.coefficient)).collect();
         let mut impulses = vec![0.0; count];
@@ -154,7 +158,9 @@ mod tests {
             let inertia = Inertia::new(&system);
             let ends =
                 EndDampers { system: &system, inertia: &inertia, manifold: None, dampers: &dampers, t: 0.0 };
-            let damped = ends.damp(&v, h, &mut Work::default()).unwrap();
+            let mut x_dot = vec![0.0; 9];
+            system.coordinates().embed_velocity(&v, 0.0, &mut x_dot);
+            let damped = ends.damp(&v, x_dot, h, &mut Work::default()).unwrap();
             let after: Vec<f64> = (0..n).map(|k| v[k] + damped.velocity[k]).collect();
             let third = if moves { 0.3 } else { after[6] };
             let rates = [after[0] - after[3], after[3] - third];

@@ -96,7 +96,7 @@ pub(crate) trait Rule: Send + Sync {
     }
 }
 
-/// Where the multipliers of a step take their directions ∂g/∂q.
+/// The configurations at which the multipliers of a step take their directions ∂g/∂q.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum MultiplierDirections {
     /// At the start, and at the end for the momentum: variational (Marsden & West 2001, §3.5).

@@ -1,0 +1,91 @@
+//! The sum of the Hessians of fixed and live terms, whose pattern is the union of both. The union is built again only when an
+//! entry appears outside it.
+
+use super::LiveSum;
+use super::near::END_PER_STAGE;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::error::SolverError;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::matrix_sum::MatrixSum;
+
+impl LiveSum {
+    /// Returns the Hessian of all terms, given the Hessian `fixed` of the fixed ones. For a step with two ends and
+    /// its stage at `x` it contains the tangents of discrete gradients.
+    pub(crate) fn hessian<'a>(
+        &'a mut self,
+        fixed: &'a SymmetricMatrix,
+        x: &[f64],
+        t: f64,
+        kind: HessianEvaluation,
+        ends: Option<[&[f64]; 2]>,
+    ) -> Result<&'a SymmetricMatrix, SolverError> {
+        match ends {
+            Some([start, end]) => {
+                self.tighten(start, end);
+                self.follow(start, Some(end));
+                self.place(start, end);
+            }
+            None => self.follow(x, None),
+        }
+        if self.union.is_none() && self.state.pattern != self.state.region {
+            // The run that this one continues built the pattern at another place.
+            self.restore_pattern(fixed, x, t, ends.is_some())?;
+        }
+        let Self { near, union, state, pair, patterns, .. } = self;
+        let Some(near) = near else { return Ok(fixed) };
+        let parts = near.hessians(fixed, x, pair, t, kind, ends.is_some());
+        let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
+        let is_contained = union.as_mut().is_some_and(|union| union.admit(&matrices));
+        if !is_contained {
+            *union = Some(MatrixSum::new(&matrices)?);
+            *patterns += 1;
+            state.pattern.clone_from(&state.region);
+        }
+        match union {
+            Some(union) => Ok(union.combine(&parts)),
+            None => Ok(fixed),
+        }
+    }
+
+    /// Returns the Hessian of the terms that act by their gradient, if terms with a discrete gradient are kept apart.
+    pub(crate) fn plain_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
+        self.follow(x, None);
+        let [plain, _] = self.near.as_mut()?.parts.as_mut()?;
+        Some(plain.hessian(x, t, HessianEvaluation::Exact))
+    }
+
+    /// Returns the tangents of the discrete gradients over the open step; `None` if there are none.
+    pub(crate) fn tangents_over(&mut self, start: &[f64], end: &[f64]) -> Option<&SymmetricMatrix> {
+        self.follow(start, Some(end));
+        self.place(start, end);
+        let Self { near, pair, .. } = self;
+        let [_, discrete] = near.as_mut()?.parts.as_mut()?;
+        Some(discrete.hessian(pair, 0.0, HessianEvaluation::Exact))
+    }
+
+    /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
+    pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
+        let [_, discrete] = self.near.as_ref()?.parts.as_ref()?;
+        Some((END_PER_STAGE, discrete.last_hessian()?))
+    }
+
+    fn restore_pattern(
+        &mut self,
+        fixed: &SymmetricMatrix,
+        x: &[f64],
+        t: f64,
+        has_ends: bool,
+    ) -> Result<(), SolverError> {
+        if self.state.pattern.about.is_empty() {
+            return Ok(());
+        }
+        let Ok(mut near) = self.ask(&self.state.pattern, self.state.pattern.tube().as_ref()) else {
+            return Ok(());
+        };
+        let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, has_ends);
+        let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
+        self.union = Some(MatrixSum::new(&matrices)?);
+        self.patterns += 1;
+        Ok(())
+    }
+}

@@ -1,0 +1,113 @@
+//! Requests the stencils of live terms for the positions that are to be evaluated: anew when a node has left the reach of the
+//! present ones, and with a shorter reach when the present one is much longer than a step needs.
+
+use std::sync::Arc;
+
+use vi_core::{Fault, Live, Potential, Terms, Tube};
+
+use super::LiveSum;
+use super::near::Near;
+use super::state::Region;
+use crate::assemble::fixed::FixedSum;
+use crate::error::TermFault;
+
+/// A matrix is not made of stencils whose reach is more than this multiple of the needed one.
+const LONGEST_REACH: f64 = 2.0;
+
+impl LiveSum {
+    /// Requests the stencils of a region.
+    pub(super) fn renew(&mut self, region: Region) {
+        self.renewals += 1;
+        self.tube = region.tube();
+        match self.ask(&region, self.tube.as_ref()) {
+            Ok(near) => (self.near, self.fault) = (Some(near), None),
+            Err(fault) => (self.near, self.fault) = (None, Some(fault)),
+        }
+        self.state.region = region;
+    }
+
+    pub(super) fn ask(&self, region: &Region, tube: Option<&Tube>) -> Result<Near, TermFault> {
+        let potential = |term: &Arc<dyn Live>| match tube {
+            Some(tube) => term.within(tube),
+            None => term.near(&region.about, region.reach.max(term.reach())),
+        };
+        let potentials: Vec<Arc<dyn Potential>> = self.terms.live().iter().map(potential).collect();
+        for potential in &potentials {
+            let stencils = potential.stencils();
+            if self.block.is_some_and(|block| !stencils.block.is_multiple_of(block)) {
+                let domain = "must be a multiple of that of the fixed terms";
+                let value = stencils.block as f64;
+                let fault =
+                    Fault { element: 0, quantity: "coordinates per node of a stencil", value, domain };
+                return Err(TermFault { term: potential.name().to_owned(), fault });
+            }
+        }
+        let assembler = |potentials: Vec<Arc<dyn Potential>>| {
+            let terms = Terms::new(Arc::clone(self.terms.shared_coordinates()), potentials);
+            let terms = terms.map_err(|error| match error {
+                vi_core::CoreError::Stencil { term, stencil, node, .. } => {
+                    let (quantity, domain) = ("node", "must be a node of the system");
+                    let fault = Fault { element: stencil, quantity, value: node as f64, domain };
+                    TermFault { term, fault }
+                }
+                other => {
+                    let fault = Fault {
+                        element: 0,
+                        quantity: "term",
+                        value: f64::NAN,
+                        domain: "must have valid stencils",
+                    };
+                    TermFault { term: other.to_string(), fault }
+                }
+            })?;
+            Ok(FixedSum::new(terms, self.block))
+        };
+        let has_discrete = potentials.iter().any(|potential| potential.discrete_gradient().is_some());
+        let numbered = potentials.iter().cloned().enumerate();
+        let (discrete, plain): (Vec<_>, Vec<_>) =
+            numbered.partition(|(_, potential)| potential.discrete_gradient().is_some());
+        let parts = if self.splits && has_discrete {
+            let plain = plain.into_iter().map(|(_, potential)| potential).collect();
+            Some([assembler(plain)?, assembler(self.passage.paired(&discrete))?])
+        } else {
+            None
+        };
+        let over = self.passage.over_each(&discrete);
+        Ok(Near { whole: assembler(potentials)?, parts, discrete, over, close: None })
+    }
+
+    /// Returns whether the stencils are valid at positions `x`.
+    fn serves(&self, x: &[f64]) -> bool {
+        match &self.tube {
+            Some(tube) => tube.contains(x),
+            None => self.state.region.is_near(x),
+        }
+    }
+
+    /// Ensures that the stencils are valid at positions `x`, and at all `others` too. Positions that are not finite have no
+    /// energy; the fixed terms report this to the caller.
+    pub(super) fn follow<'a>(&mut self, x: &[f64], others: impl IntoIterator<Item = &'a [f64]> + Clone) {
+        if self.serves(x) && others.clone().into_iter().all(|x| self.serves(x)) {
+            return;
+        }
+        if let Some(region) = Region::around(x, others, self.shortest_reach()) {
+            self.renew(region);
+        }
+    }
+
+    /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
+    /// matrix has an entry for every stencil.
+    pub(super) fn tighten(&mut self, start: &[f64], end: &[f64]) {
+        if let Some(needed) = Region::around(start, Some(end), self.shortest_reach())
+            && self.near.is_some()
+            && self.state.region.reach > LONGEST_REACH * needed.reach
+        {
+            self.renew(needed);
+        }
+    }
+
+    /// Returns the shortest reach of the terms, m.
+    pub(crate) fn shortest_reach(&self) -> f64 {
+        self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
+    }
+}
