@@ -22,7 +22,7 @@ const DOUBT_ABOVE: f64 = 0.05;
 /// Contraction per iteration below which a fresh factor of a partial model is kept. A block that sticks on a slope
 /// contracts by 0.2; renewing its factor led to 70 failed iterations per step, keeping it to 3.
 const STEADY: f64 = 0.5;
-/// Number of new factors that slow convergence may request inside one step before the descent begins.
+/// Number of new factors without a gain that slow convergence may request inside one step before the descent begins.
 const FACTORS_BEFORE_DESCENT: u32 = 2;
 
 pub(crate) struct Newton {
