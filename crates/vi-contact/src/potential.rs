@@ -15,7 +15,7 @@ pub use rolling::RollingTerm;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use vi_core::{
     Account, DiscreteGradient, Fault, HessianKind, Live, Meeting, Potential, Stencils, Traits, Tube,
@@ -137,7 +137,8 @@ impl Live for ContactTerm {
 pub struct ContactPotential {
     surface: Arc<Surface>,
     neighbours: Arc<Neighbours>,
-    nodes: Arc<[u32]>,
+    /// The nodes of all stencils, as soon as they are asked for: explicit steps need only their number.
+    nodes: Arc<OnceLock<Vec<u32>>>,
     /// The step, if friction and damping over a step are evaluated.
     step: Option<Step>,
 }
@@ -155,20 +156,30 @@ impl ContactPotential {
     }
 
     fn on(surface: Arc<Surface>, neighbours: Arc<Neighbours>) -> Self {
-        let mut nodes = Vec::with_capacity(4 * neighbours.count());
-        for &point in neighbours.near() {
-            let (point, part) = (point as usize, &surface.points()[point as usize]);
-            for &cell in neighbours.cells_of(point) {
-                nodes.push(part.node);
-                nodes.extend(surface.cells()[cell as usize].nodes);
+        Self { surface, neighbours, nodes: Arc::default(), step: None }
+    }
+
+    /// Returns the nodes of all stencils, four each.
+    fn nodes(&self) -> &[u32] {
+        self.nodes.get_or_init(|| {
+            let Self { surface, neighbours, .. } = self;
+            let mut nodes = Vec::with_capacity(4 * neighbours.count());
+            for &point in neighbours.near() {
+                let (point, part) = (point as usize, &surface.points()[point as usize]);
+                for &cell in neighbours.cells_of(point) {
+                    nodes.push(part.node);
+                    nodes.extend(surface.cells()[cell as usize].nodes);
+                }
             }
-        }
-        nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| pair.nodes));
-        for &[point, plane] in neighbours.plane_pairs() {
-            let face = &surface.half_spaces()[plane as usize];
-            nodes.extend(face.nodes_with(surface.points()[point as usize].node));
-        }
-        Self { surface, neighbours, nodes: nodes.into(), step: None }
+            for edges in neighbours.edge_pairs() {
+                nodes.extend(edges.iter().flat_map(|&edge| surface.edges()[edge as usize].nodes));
+            }
+            for &[point, plane] in neighbours.plane_pairs() {
+                let face = &surface.half_spaces()[plane as usize];
+                nodes.extend(face.nodes_with(surface.points()[point as usize].node));
+            }
+            nodes
+        })
     }
 
     /// Returns the contact of the candidates that can act or meet in a tube.
@@ -276,7 +287,7 @@ impl ContactPotential {
     }
 
     fn of(&self, stencil: usize) -> &[u32] {
-        &self.nodes[4 * stencil..4 * stencil + 4]
+        &self.nodes()[4 * stencil..4 * stencil + 4]
     }
 
     /// Returns the places of nodes in a stencil.
@@ -327,7 +338,11 @@ impl Potential for ContactPotential {
     }
 
     fn stencils(&self) -> Stencils<'_> {
-        Stencils { arity: 4, block: 3, nodes: &self.nodes }
+        Stencils { arity: 4, block: 3, nodes: self.nodes() }
+    }
+
+    fn stencil_count(&self) -> usize {
+        self.neighbours.count()
     }
 
     fn traits(&self) -> Traits {
