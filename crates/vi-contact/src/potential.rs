@@ -25,6 +25,7 @@ use vi_core::{
 use crate::broad_phase::{Neighbours, Search};
 use crate::ccd::Impact;
 use crate::distance::at;
+use crate::error::ContactError;
 use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
 use crate::surface::{Gauge, Surface};
@@ -52,6 +53,26 @@ impl ContactTerm {
     /// the activation distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
         Self { surface, reach, search: Arc::default(), about: Arc::default() }
+    }
+
+    /// Returns the contact with other activation distances (m) of some pairs of bodies, none of which is larger than before, and
+    /// other positions at the start, m. Candidates about the last configuration are chosen from the known ones.
+    ///
+    /// # Errors
+    /// Returns [`ContactError`] if a distance is not positive and finite.
+    pub fn with_distances(
+        &self,
+        distances: &BTreeMap<[u32; 2], f64>,
+        start: &[f64],
+    ) -> Result<Self, ContactError> {
+        let surface = Arc::new(self.surface.with_distances(distances, start)?);
+        let new = Self::new(Arc::clone(&surface), self.reach);
+        // Places where bodies are joined form pairs again if d̂ becomes smaller.
+        if let Some((tube, found)) = lock(&self.about).as_ref().filter(|_| !surface.has_joints()) {
+            let neighbours = found.neighbours.narrowed(&surface, tube, Some(tube.clone()));
+            *lock(&new.about) = Some((tube.clone(), ContactPotential::on(surface, Arc::new(neighbours))));
+        }
+        Ok(new)
     }
 
     /// Returns the contact in a tube along a path.

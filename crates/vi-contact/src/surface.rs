@@ -18,12 +18,13 @@ pub(crate) use edge_pair::EdgePair;
 pub use law::{Body, Law, PairRule};
 pub use topology::median_edge;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use law::Laws;
 
 use crate::barrier::Barrier;
 use crate::distance::{Shape, Vec3, at};
+use crate::error::ContactError;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -213,6 +214,25 @@ impl Surface {
     /// Returns whether a body is a rigid ball or capsule: its skeleton does not rotate, its surface does.
     pub(crate) fn is_round(&self, body: u32) -> bool {
         self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
+    }
+
+    /// Returns the surfaces with other activation distances (m) of some pairs of bodies, and other positions at the start, m.
+    pub(crate) fn with_distances(
+        &self,
+        distances: &BTreeMap<[u32; 2], f64>,
+        start: &[f64],
+    ) -> Result<Self, ContactError> {
+        let mut surface = Self { start: start.to_vec(), ..self.clone() };
+        for (&[a, b], &distance) in distances {
+            surface.laws.rules.entry((a.min(b), a.max(b))).or_default().distance = Some(distance);
+        }
+        surface.laws.finish()?;
+        Ok(surface)
+    }
+
+    /// Returns whether any bodies are joined.
+    pub(crate) fn has_joints(&self) -> bool {
+        !self.stitches.is_empty() || self.laws.rules.values().any(|rule| rule.joined)
     }
 
     /// Returns whether any pair of bodies has friction.
