@@ -8,7 +8,11 @@ pub(crate) mod frame;
 
 use std::collections::HashMap;
 
+use rayon::prelude::*;
 use robust::{Coord, Coord3D, orient2d, orient3d};
+
+/// Number of segments per task.
+const SEGMENTS: usize = 1024;
 
 /// A segment and a triangle with a common point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,25 +34,28 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     segments.sort_unstable();
     segments.dedup();
     let grid = Grid::new(points, triangles);
-    let mut found = Vec::new();
-    let mut near = Vec::new();
-    for &segment in &segments {
-        grid.near(points, segment, &mut near);
-        let box_of_segment = bounds(points, &segment);
-        for &triangle in &near {
-            if !overlap(&box_of_segment, &grid.boxes[triangle as usize]) {
-                continue;
-            }
-            let nodes = triangles[triangle as usize];
-            let joined = segment
-                .iter()
-                .any(|&node| nodes.iter().any(|&other| place_of[node as usize] == place_of[other as usize]));
-            let [p, q] = segment.map(|node| points[node as usize]);
-            if !joined && meets(p, q, nodes.map(|node| points[node as usize])) {
-                found.push(Intersection { segment, triangle: nodes });
+    let of_segments = |segments: &[[u32; 2]]| {
+        let (mut found, mut near) = (Vec::new(), Vec::new());
+        for &segment in segments {
+            grid.near(points, segment, &mut near);
+            let box_of_segment = bounds(points, &segment);
+            for &triangle in &near {
+                if !overlap(&box_of_segment, &grid.boxes[triangle as usize]) {
+                    continue;
+                }
+                let nodes = triangles[triangle as usize];
+                let is_joined = |&node: &u32| {
+                    nodes.iter().any(|&other| place_of[node as usize] == place_of[other as usize])
+                };
+                let [p, q] = segment.map(|node| points[node as usize]);
+                if !segment.iter().any(is_joined) && meets(p, q, nodes.map(|node| points[node as usize])) {
+                    found.push(Intersection { segment, triangle: nodes });
+                }
             }
         }
-    }
+        found
+    };
+    let mut found: Vec<Intersection> = segments.par_chunks(SEGMENTS).flat_map_iter(of_segments).collect();
     found.sort_unstable();
     found
 }

@@ -1,7 +1,6 @@
 //! Makes the contact term of a component from the surfaces that can meet: their nodes and triangles, thickness and
 //! stiffness, and the excluded pairs of bodies.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use vi_contact::{ContactTerm, Gap, PairRule, RollingTerm, SurfaceBuilder, median_edge};
@@ -121,7 +120,7 @@ pub(super) fn contact(
             (widest, widest)
         }
     };
-    let term = |distances: &Distances, x: &[f64]| {
+    let term = |x: &[f64]| {
         let mut builder = builder(contact, &parts, rest, may_meet);
         builder.start(x);
         for (_, node, others) in surfaces.stitches.iter().filter(|stitch| stitch.0 == component) {
@@ -135,7 +134,6 @@ pub(super) fn contact(
                     false => rule(scene, a, b, may_meet(a, b)),
                 };
                 rule.joined = is_joined;
-                rule.distance = rule.distance.or(distances.get(&[i as u32, j as u32]).copied());
                 if rule != PairRule::default() {
                     builder.pair(i as u32, j as u32, rule);
                 }
@@ -151,7 +149,7 @@ pub(super) fn contact(
     };
     let numbers: Vec<usize> = parts.iter().map(|part| part.number).collect();
     let mut x = system.positions(state);
-    let mut found = term(&Distances::new(), &x)?;
+    let mut found = term(&x)?;
     if contact.resolve {
         let normals = parts.iter().map(|part| (part.number, part.plane.map(|(_, normal)| normal))).collect();
         let start = Start { scene, meeting, system, bodies, rigids, term: &found, parts: normals };
@@ -178,7 +176,8 @@ pub(super) fn contact(
     }
     near.retain(|&pair, gap| pair[0] != pair[1] && contact.distance.is_none() && *gap < layer(pair));
     if !near.is_empty() {
-        found = term(&near, &x)?;
+        let thinner = found.with_distances(&near, &x).map_err(|error| wrong(error.to_string()))?;
+        found = Arc::new(thinner);
     }
     Ok(Some(ContactModel { term: found, bodies: numbers, farthest_gap }))
 }
@@ -195,9 +194,6 @@ fn enter_overlaps(parts: &[Part], surfaces: &Surfaces<'_>, x: &[f64], meeting: &
         }
     }
 }
-
-/// Activation distances d̂ (m) of pairs of bodies, by part number.
-type Distances = BTreeMap<[u32; 2], f64>;
 
 /// Makes the surface builder with all parts and their constants.
 fn builder(

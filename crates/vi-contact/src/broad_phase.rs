@@ -7,7 +7,7 @@ mod neighbours;
 mod search;
 mod tree;
 
-pub use neighbours::{EdgePair, Neighbours};
+pub use neighbours::Neighbours;
 pub(crate) use search::Search;
 
 use rayon::prelude::*;

@@ -176,10 +176,10 @@ impl Contact<'_> {
             self.neighbours.edges.len(),
             || (),
             |pair, (), out| {
-                let pair = &self.neighbours.edges[pair];
-                let nodes = pair.nodes;
-                let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
-                out.extend(impact(partners, Shape::EdgeEdge, nodes, &pair.gauge, [x0, x1], kept));
+                let edges = self.neighbours.edges[pair];
+                let Some(pair) = surface.edge_pair(edges) else { return };
+                let partners = Partners::Edges(edges[0], edges[1]);
+                out.extend(impact(partners, Shape::EdgeEdge, pair.nodes, &pair.gauge, [x0, x1], kept));
             },
         ));
         let of_planes = self.neighbours.planes.iter().filter_map(|&[point, plane]| {

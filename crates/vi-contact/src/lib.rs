@@ -16,7 +16,7 @@ mod surface;
 mod testing;
 
 pub use barrier::Barrier;
-pub use broad_phase::{EdgePair, Neighbours};
+pub use broad_phase::Neighbours;
 pub use ccd::{Certificate, Impact, separated_until};
 pub use distance::{Closest, Shape};
 pub use error::ContactError;

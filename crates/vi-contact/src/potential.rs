@@ -15,7 +15,7 @@ pub use rolling::RollingTerm;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use vi_core::{
     Account, DiscreteGradient, Fault, HessianKind, Live, Meeting, Potential, Stencils, Traits, Tube,
@@ -25,6 +25,7 @@ use vi_core::{
 use crate::broad_phase::{Neighbours, Search};
 use crate::ccd::Impact;
 use crate::distance::at;
+use crate::error::ContactError;
 use crate::friction::Step;
 use crate::pairs::{ActivePair, Contact, Group};
 use crate::surface::{Gauge, Surface};
@@ -52,6 +53,26 @@ impl ContactTerm {
     /// the activation distance is a good choice.
     pub fn new(surface: Arc<Surface>, reach: f64) -> Self {
         Self { surface, reach, search: Arc::default(), about: Arc::default() }
+    }
+
+    /// Returns the contact with other activation distances (m) of some pairs of bodies, none of which is larger than before, and
+    /// other positions at the start, m. Candidates about the last configuration are chosen from the known ones.
+    ///
+    /// # Errors
+    /// Returns [`ContactError`] if a distance is not positive and finite.
+    pub fn with_distances(
+        &self,
+        distances: &BTreeMap<[u32; 2], f64>,
+        start: &[f64],
+    ) -> Result<Self, ContactError> {
+        let surface = Arc::new(self.surface.with_distances(distances, start)?);
+        let new = Self::new(Arc::clone(&surface), self.reach);
+        // Places where bodies are joined form pairs again if d̂ becomes smaller.
+        if let Some((tube, found)) = lock(&self.about).as_ref().filter(|_| !surface.has_joints()) {
+            let neighbours = found.neighbours.narrowed(&surface, tube, Some(tube.clone()));
+            *lock(&new.about) = Some((tube.clone(), ContactPotential::on(surface, Arc::new(neighbours))));
+        }
+        Ok(new)
     }
 
     /// Returns the contact in a tube along a path.
@@ -137,7 +158,8 @@ impl Live for ContactTerm {
 pub struct ContactPotential {
     surface: Arc<Surface>,
     neighbours: Arc<Neighbours>,
-    nodes: Arc<[u32]>,
+    /// The nodes of all stencils, as soon as they are asked for: explicit steps need only their number.
+    nodes: Arc<OnceLock<Vec<u32>>>,
     /// The step, if friction and damping over a step are evaluated.
     step: Option<Step>,
 }
@@ -155,20 +177,30 @@ impl ContactPotential {
     }
 
     fn on(surface: Arc<Surface>, neighbours: Arc<Neighbours>) -> Self {
-        let mut nodes = Vec::with_capacity(4 * neighbours.count());
-        for &point in neighbours.near() {
-            let (point, part) = (point as usize, &surface.points()[point as usize]);
-            for &cell in neighbours.cells_of(point) {
-                nodes.push(part.node);
-                nodes.extend(surface.cells()[cell as usize].nodes);
+        Self { surface, neighbours, nodes: Arc::default(), step: None }
+    }
+
+    /// Returns the nodes of all stencils, four each.
+    fn nodes(&self) -> &[u32] {
+        self.nodes.get_or_init(|| {
+            let Self { surface, neighbours, .. } = self;
+            let mut nodes = Vec::with_capacity(4 * neighbours.count());
+            for &point in neighbours.near() {
+                let (point, part) = (point as usize, &surface.points()[point as usize]);
+                for &cell in neighbours.cells_of(point) {
+                    nodes.push(part.node);
+                    nodes.extend(surface.cells()[cell as usize].nodes);
+                }
             }
-        }
-        nodes.extend(neighbours.edge_pairs().iter().flat_map(|pair| pair.nodes));
-        for &[point, plane] in neighbours.plane_pairs() {
-            let face = &surface.half_spaces()[plane as usize];
-            nodes.extend(face.nodes_with(surface.points()[point as usize].node));
-        }
-        Self { surface, neighbours, nodes: nodes.into(), step: None }
+            for edges in neighbours.edge_pairs() {
+                nodes.extend(edges.iter().flat_map(|&edge| surface.edges()[edge as usize].nodes));
+            }
+            for &[point, plane] in neighbours.plane_pairs() {
+                let face = &surface.half_spaces()[plane as usize];
+                nodes.extend(face.nodes_with(surface.points()[point as usize].node));
+            }
+            nodes
+        })
     }
 
     /// Returns the contact of the candidates that can act or meet in a tube.
@@ -276,7 +308,7 @@ impl ContactPotential {
     }
 
     fn of(&self, stencil: usize) -> &[u32] {
-        &self.nodes[4 * stencil..4 * stencil + 4]
+        &self.nodes()[4 * stencil..4 * stencil + 4]
     }
 
     /// Returns the places of nodes in a stencil.
@@ -327,7 +359,11 @@ impl Potential for ContactPotential {
     }
 
     fn stencils(&self) -> Stencils<'_> {
-        Stencils { arity: 4, block: 3, nodes: &self.nodes }
+        Stencils { arity: 4, block: 3, nodes: self.nodes() }
+    }
+
+    fn stencil_count(&self) -> usize {
+        self.neighbours.count()
     }
 
     fn traits(&self) -> Traits {

@@ -7,21 +7,24 @@
 //! a linear proxy of a curved surface are nodes too; the caller ties them to other nodes by weights.
 
 mod build;
+mod edge_pair;
 mod half_space;
 mod law;
 mod order;
 mod topology;
 
 pub use build::SurfaceBuilder;
+pub(crate) use edge_pair::EdgePair;
 pub use law::{Body, Law, PairRule};
 pub use topology::median_edge;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use law::Laws;
 
 use crate::barrier::Barrier;
 use crate::distance::{Shape, Vec3, at};
+use crate::error::ContactError;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -213,6 +216,25 @@ impl Surface {
         self.frames[body as usize].is_some() && self.laws.bodies[body as usize].radius > 0.0
     }
 
+    /// Returns the surfaces with other activation distances (m) of some pairs of bodies, and other positions at the start, m.
+    pub(crate) fn with_distances(
+        &self,
+        distances: &BTreeMap<[u32; 2], f64>,
+        start: &[f64],
+    ) -> Result<Self, ContactError> {
+        let mut surface = Self { start: start.to_vec(), ..self.clone() };
+        for (&[a, b], &distance) in distances {
+            surface.laws.rules.entry((a.min(b), a.max(b))).or_default().distance = Some(distance);
+        }
+        surface.laws.finish()?;
+        Ok(surface)
+    }
+
+    /// Returns whether any bodies are joined.
+    pub(crate) fn has_joints(&self) -> bool {
+        !self.stitches.is_empty() || self.laws.rules.values().any(|rule| rule.joined)
+    }
+
     /// Returns whether any pair of bodies has friction.
     pub(crate) fn has_friction(&self) -> bool {
         let rules = self.laws.rules.values();
@@ -277,28 +299,6 @@ impl Surface {
         Some(Gauge { thickness, distance: law.distance, energy: area * law.stiffness * law.distance })
     }
 
-    /// Returns the constants of two edges; the part of the pair that acts over the whole distance has the weight χ_a
-    /// χ_b.
-    pub(crate) fn edge_gauge(&self, a: usize, b: usize) -> Option<Gauge> {
-        let (first, second) = (&self.edges[a], &self.edges[b]);
-        let law = self.law(first.body, second.body)?;
-        let bodies = &self.laws.bodies;
-        let mut thickness = bodies[first.body as usize].radius + bodies[second.body as usize].radius;
-        let mut distance = law.distance;
-        if first.body == second.body {
-            let rest = self.rest_distance(
-                Shape::EdgeEdge,
-                [first.nodes[0], first.nodes[1], second.nodes[0], second.nodes[1]],
-            );
-            if rest <= WELDED * law.distance {
-                return None;
-            }
-            [thickness, distance] = within_rest(thickness, distance, rest);
-        }
-        let energy = 0.25 * (first.area + second.area) * law.stiffness * distance;
-        Some(Gauge { thickness, distance, energy })
-    }
-
     /// Returns whether this point and this cell may meet. They may not if the cell contains the point, is welded to
     /// it, or moves with it.
     pub(crate) fn admits_point(&self, point: usize, cell: usize) -> bool {
@@ -357,7 +357,7 @@ impl Surface {
                 .is_some_and(|law| !self.is_joint(&law, bodies, Shape::EdgeEdge, [i, j, k, l]))
     }
 
-    fn rest_distance(&self, shape: Shape, nodes: [u32; 4]) -> f64 {
+    pub(super) fn rest_distance(&self, shape: Shape, nodes: [u32; 4]) -> f64 {
         shape.closest(&nodes.map(|node| at(&self.rest, node))).distance()
     }
 

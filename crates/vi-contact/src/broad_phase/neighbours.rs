@@ -6,27 +6,14 @@ use vi_core::Tube;
 
 use super::margins::Margins;
 use crate::distance::{Shape, Vec3, at};
-use crate::surface::{Cell, Gauge, Surface};
+use crate::surface::{Cell, EdgePair, Gauge, Surface};
 
-/// Two edges that may meet.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EdgePair {
-    /// Numbers of the edges, the lower first.
-    pub edges: [u32; 2],
-    /// Nodes of both edges.
-    pub(crate) nodes: [u32; 4],
-    /// Constants of the pair.
-    pub gauge: Gauge,
-    /// The distance from which on the pair exerts no force, m: for flat edges, less than the thickness plus d̂.
-    pub reach: f64,
-}
-
-/// The distances of the pairs of a point with a cell, and of two edges, at positions x, m.
+/// The distances of the pairs of a point with a cell, and of two edges, at positions x, m, rounded down to single precision.
 #[derive(Debug, Clone)]
 pub(super) struct Apart {
     x: Vec<f64>,
-    pub(super) cells: Vec<f64>,
-    pub(super) edges: Vec<f64>,
+    pub(super) cells: Vec<f32>,
+    pub(super) edges: Vec<f32>,
     /// Round-off of distances that does not depend on them but on positions, m.
     round_off: f64,
 }
@@ -35,16 +22,23 @@ pub(super) struct Apart {
 /// their squares and roots.
 const ROUND_OFF: [f64; 2] = [1e-9, 64.0 * f64::EPSILON];
 
+/// Returns a distance rounded down to single precision, m.
+#[inline]
+pub(super) fn rounded_down(distance: f64) -> f32 {
+    let rounded = distance as f32;
+    if f64::from(rounded) > distance { rounded.next_down() } else { rounded }
+}
+
 impl Apart {
-    pub(super) fn new(x: Vec<f64>, cells: Vec<f64>, edges: Vec<f64>) -> Self {
+    pub(super) fn new(x: Vec<f64>, cells: Vec<f32>, edges: Vec<f32>) -> Self {
         let round_off = ROUND_OFF[1] * x.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
         Self { x, cells, edges, round_off }
     }
 
     /// Returns by how much a pair with this known distance is at least farther apart than `distance` at the known positions, m.
     #[inline]
-    fn slack(&self, known: f64, distance: f64) -> f64 {
-        known * (1.0 - ROUND_OFF[0]) - self.round_off - distance
+    fn slack(&self, known: f32, distance: f64) -> f64 {
+        f64::from(known) * (1.0 - ROUND_OFF[0]) - self.round_off - distance
     }
 
     /// Returns the largest square of a change of the vector between a node of the first part and one of the second, from
@@ -89,7 +83,9 @@ pub struct Neighbours {
     /// Index in `cells` of the first cell of each point, followed by the total number.
     pub(crate) starts: Vec<u32>,
     pub(crate) cells: Vec<u32>,
-    pub(crate) edges: Vec<EdgePair>,
+    /// Numbers of both edges of each pair, the lower first. Their constants follow from the surface: a list of them would be eight
+    /// times as long.
+    pub(crate) edges: Vec<[u32; 2]>,
     /// Point and half-space of each pair.
     pub(crate) planes: Vec<[u32; 2]>,
 }
@@ -99,7 +95,7 @@ impl Neighbours {
     pub(super) fn new(
         starts: Vec<u32>,
         cells: Vec<u32>,
-        edges: Vec<EdgePair>,
+        edges: Vec<[u32; 2]>,
         planes: Vec<[u32; 2]>,
     ) -> Self {
         let near = (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]);
@@ -124,7 +120,7 @@ impl Neighbours {
         let before = self.apart.as_ref();
         let changes = before.map(|apart| apart.largest_changes(surface, &margins));
         // Bounds exclude most pairs without computing their closest points.
-        let may_come = |nodes: [u32; 4], first: usize, known: Option<&f64>, distance: f64| {
+        let may_come = |nodes: [u32; 4], first: usize, known: Option<&f32>, distance: f64| {
             let (Some(changes), Some(before), Some(known)) = (&changes, before, known) else { return true };
             let [a, b, c, d] = nodes.map(|node| changes[node as usize]);
             let change = if first == 1 { a + b.max(c).max(d) } else { a.max(b) + c.max(d) };
@@ -138,20 +134,23 @@ impl Neighbours {
                 return false;
             }
             let distance = margins.distance_if_nearer(cell.shape(), [node, a, b, c], gauge.reach());
-            of_cells.extend(distance);
+            of_cells.extend(distance.map(rounded_down));
             distance.is_some()
         });
-        let edges = self.edges.iter().enumerate().filter(|(number, pair)| {
-            // Observers, who ask for a list that knows its tube, want all pairs nearer than d̂.
-            let reach = if known.is_some() { pair.gauge.reach() } else { pair.reach };
-            if !may_come(pair.nodes, 2, before.map(|before| &before.edges[*number]), reach) {
+        // Observers, who ask for a list that knows its tube, want all pairs nearer than d̂.
+        let reach = |pair: &EdgePair| if known.is_some() { pair.gauge.reach() } else { pair.reach };
+        let edges = self.edges.iter().enumerate().filter(|(number, edges)| {
+            let known = before.map(|before| &before.edges[*number]);
+            let is_near = |pair: &EdgePair| may_come(pair.nodes, 2, known, reach(pair));
+            if !surface.widest_edge_pair(**edges).as_ref().is_some_and(is_near) {
                 return false;
             }
-            let distance = margins.distance_if_nearer(Shape::EdgeEdge, pair.nodes, reach);
-            of_edges.extend(distance);
+            let Some(pair) = surface.edge_pair(**edges) else { return false };
+            let distance = margins.distance_if_nearer(Shape::EdgeEdge, pair.nodes, reach(&pair));
+            of_edges.extend(distance.map(rounded_down));
             distance.is_some()
         });
-        let edges = edges.map(|(_, pair)| *pair).collect();
+        let edges = edges.map(|(_, edges)| *edges).collect();
         let planes =
             self.planes.iter().filter(|&&[point, plane]| margins.is_near_plane(surface, point, plane));
         let planes = planes.copied().collect();
@@ -170,7 +169,7 @@ impl Neighbours {
         distance: impl Fn(&Gauge) -> f64,
     ) -> Cow<'_, Self> {
         let Some(apart) = &self.apart else { return Cow::Borrowed(self) };
-        let may_come = |nodes: [u32; 4], first: usize, known: f64, distance: f64| {
+        let may_come = |nodes: [u32; 4], first: usize, known: f32, distance: f64| {
             let slack = apart.slack(known, distance);
             slack <= 0.0 || x.iter().any(|x| apart.largest_change(x, nodes, first) >= slack * slack)
         };
@@ -178,11 +177,11 @@ impl Neighbours {
             let [a, b, c] = cell.nodes;
             may_come([node, a, b, c], 1, apart.cells[number], distance(&gauge))
         });
-        let edges =
-            self.edges.iter().zip(&apart.edges).filter(|(pair, known)| {
-                may_come(pair.nodes, 2, **known, distance(&pair.gauge).min(pair.reach))
-            });
-        let edges = edges.map(|(pair, _)| *pair).collect();
+        let edges = self.edges.iter().zip(&apart.edges).filter(|(edges, known)| {
+            let pair = surface.widest_edge_pair(**edges);
+            pair.is_some_and(|pair| may_come(pair.nodes, 2, **known, distance(&pair.gauge).min(pair.reach)))
+        });
+        let edges = edges.map(|(edges, _)| *edges).collect();
         Cow::Owned(Self::new(starts, cells, edges, self.planes.clone()))
     }
 
@@ -219,7 +218,7 @@ impl Neighbours {
             starts.push(cells.len() as u32);
         }
         let edges =
-            self.edges.iter().filter(|pair| keeps(pair.edges.map(|edge| surface.edges[edge as usize].body)));
+            self.edges.iter().filter(|edges| keeps(edges.map(|edge| surface.edges[edge as usize].body)));
         let planes = self.planes.iter().filter(|&&[point, plane]| {
             keeps([surface.points[point as usize].body, surface.half_spaces[plane as usize].body])
         });
@@ -254,8 +253,8 @@ impl Neighbours {
         &self.cells[self.starts[point] as usize..self.starts[point + 1] as usize]
     }
 
-    /// Returns the pairs of edges.
-    pub fn edge_pairs(&self) -> &[EdgePair] {
+    /// Returns the pairs of edges, as numbers of both, the lower first.
+    pub fn edge_pairs(&self) -> &[[u32; 2]] {
         &self.edges
     }
 

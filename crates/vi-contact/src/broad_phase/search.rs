@@ -8,7 +8,7 @@ use vi_core::Tube;
 
 use super::boxes::Bounds;
 use super::margins::{Common, Margins};
-use super::neighbours::{Apart, EdgePair, Neighbours};
+use super::neighbours::{Apart, Neighbours, rounded_down};
 use super::tree::Tree;
 use crate::distance::{Shape, Vec3, at};
 use crate::surface::{Edge, Surface};
@@ -132,9 +132,9 @@ impl Search {
         near_cells.sort_by_key(|near| near.parts);
         let changes = |edge: u32| any(&surface.edges[edge as usize].nodes);
         let kept = self.found.edge_pairs().iter().zip(&apart.edges);
-        let kept = kept.filter(|(pair, _)| !pair.edges.into_iter().any(changes));
+        let kept = kept.filter(|(edges, _)| !edges.iter().copied().any(changes));
         let mut near_edges: Vec<NearEdges> =
-            kept.map(|(&pair, &distance)| NearEdges { pair, distance }).collect();
+            kept.map(|(&edges, &distance)| NearEdges { edges, distance }).collect();
         for &edge in &edges {
             let Edge { nodes, body, .. } = surface.edges[edge as usize];
             self.edges.visit(&margins.bounds(surface, &nodes, body), &mut |other| {
@@ -143,7 +143,7 @@ impl Search {
                 }
             });
         }
-        near_edges.sort_by_key(|near| near.pair.edges);
+        near_edges.sort_by_key(|near| near.edges);
         self.found = Arc::new(found(surface, &tube, margins, near_cells, near_edges));
         self.tube = tube;
         true
@@ -155,16 +155,17 @@ impl Search {
 struct NearCell {
     /// Numbers of both.
     parts: [u32; 2],
-    /// Distance in the middle of the path, m.
-    distance: f64,
+    /// Distance in the middle of the path, m, rounded down.
+    distance: f32,
 }
 
 /// Two edges that can act or meet.
 #[derive(Clone, Copy)]
 struct NearEdges {
-    pair: EdgePair,
-    /// Distance in the middle of the path, m.
-    distance: f64,
+    /// Numbers of both, the lower first.
+    edges: [u32; 2],
+    /// Distance in the middle of the path, m, rounded down.
+    distance: f32,
 }
 
 /// Returns the list of pairs in the order of their numbers, and of the points near half-spaces.
@@ -184,7 +185,7 @@ fn found(
         starts[point + 1] += starts[point];
     }
     let cells = cells.into_iter().map(|near| near.parts[1]).collect();
-    let edges = edges.into_iter().map(|near| near.pair).collect();
+    let edges = edges.into_iter().map(|near| near.edges).collect();
     Neighbours::new(starts, cells, edges, planes).covering(tube.clone(), apart)
 }
 
@@ -202,7 +203,7 @@ fn near_cell(surface: &Surface, margins: &Margins<'_>, parts: [u32; 2]) -> Optio
     let approach = margins.if_nearer(other.shape(), [part.node, a, b, c], 1.000_001 * most)?;
     let gauge = surface.point_gauge(point, other.body)?;
     let is_near = approach.is_nearer(gauge.reach()) && surface.admits_point(point, cell);
-    is_near.then(|| NearCell { parts, distance: approach.distance() })
+    is_near.then(|| NearCell { parts, distance: rounded_down(approach.distance()) })
 }
 
 /// Returns the points and the cells near them, in the order of their numbers.
@@ -234,11 +235,9 @@ fn near_edge(surface: &Surface, margins: &Margins<'_>, edges: [u32; 2]) -> Optio
     if !surface.admits_edges(first, second) {
         return None;
     }
-    let gauge = surface.edge_gauge(first, second)?;
-    approach.is_nearer(gauge.reach()).then(|| NearEdges {
-        pair: EdgePair { edges, nodes: [a, b, c, d], gauge, reach: surface.edge_reach(edges, &gauge) },
-        distance: approach.distance(),
-    })
+    let gauge = surface.edge_pair(edges)?.gauge;
+    let distance = rounded_down(approach.distance());
+    approach.is_nearer(gauge.reach()).then_some(NearEdges { edges, distance })
 }
 
 /// Returns the pairs of edges near each other, in the order of their numbers.
@@ -249,7 +248,7 @@ fn near_edges(surface: &Surface, margins: &Margins<'_>, tree: &Tree) -> Vec<Near
         near
     };
     let mut near: Vec<NearEdges> = tree.fronts(tree).par_iter().flat_map_iter(of_front).collect();
-    near.par_sort_unstable_by_key(|near| near.pair.edges);
+    near.par_sort_unstable_by_key(|near| near.edges);
     near
 }
 

@@ -127,7 +127,7 @@ impl Surface {
             Partners::Edges(a, b) => {
                 let [first, second] = [a, b].map(|edge| &self.edges[edge as usize]);
                 let blend = Blend::of_edges(self.barrier, first, second);
-                (self.edge_gauge(a as usize, b as usize)?, blend.weight())
+                (self.edge_pair([a, b])?.gauge, blend.weight())
             }
         };
         Some(STIFF * weight * gauge.energy / (gauge.distance * gauge.distance))

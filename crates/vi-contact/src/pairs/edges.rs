@@ -2,7 +2,7 @@
 
 use crate::barrier::Barrier;
 use crate::distance::Vec3;
-use crate::surface::{Edge, Gauge, Surface};
+use crate::surface::Edge;
 
 /// Weight of the barrier that every pair of edges has below [`GUARD_REACH`] · d̂, sharp or flat. Points carry the
 /// pressure between flat meshes; without a guard, edges could cross if a flat mesh is folded over an edge.
@@ -49,7 +49,7 @@ impl Blend {
     }
 
     /// Returns the relative gap from which on the pair exerts no force.
-    fn reach(self) -> f64 {
+    pub(crate) fn reach(self) -> f64 {
         if self.full != 0.0 { 1.0 } else { GUARD_REACH }
     }
 
@@ -86,14 +86,6 @@ impl Blend {
     /// Returns the derivative of the quotient by its second argument.
     pub fn quotient_slope(self, a: f64, b: f64) -> f64 {
         self.sum(|barrier, reach| barrier.quotient_slope(a / reach, b / reach) / reach)
-    }
-}
-
-impl Surface {
-    /// Returns the distance from which on a pair of edges exerts no force, m.
-    pub(crate) fn edge_reach(&self, edges: [u32; 2], gauge: &Gauge) -> f64 {
-        let [a, b] = edges.map(|edge| &self.edges[edge as usize]);
-        gauge.thickness + Blend::of_edges(self.barrier, a, b).reach() * gauge.distance
     }
 }
 

@@ -236,7 +236,7 @@ impl Contact<'_> {
 
     /// Returns the pair of edges of a candidate if it acts.
     pub(crate) fn active_edges(&self, pair: usize, x: &[f64]) -> Option<ActivePair> {
-        let pair = &self.neighbours.edges[pair];
+        let pair = self.surface.edge_pair(self.neighbours.edges[pair])?;
         let nodes = pair.nodes;
         let positions = nodes.map(|node| at(x, node));
         let [closest] = Shape::EdgeEdge.closest_if_nearer(&[positions], pair.reach * pair.reach)?;

@@ -61,15 +61,16 @@ impl Contact<'_> {
                 })
             })
         });
-        let edges = self.neighbours.edges.iter().map(move |pair| {
+        let edges = self.neighbours.edges.iter().filter_map(move |&edges| {
+            let pair = surface.edge_pair(edges)?;
             let [i, j, k, l] = pair.nodes;
             let closest = Shape::EdgeEdge.closest(&[i, j, k, l].map(|node| at(x, node)));
-            Gap {
+            Some(Gap {
                 gap: closest.distance() - pair.gauge.thickness,
                 distance: pair.gauge.distance,
-                bodies: pair.edges.map(|edge| surface.edges[edge as usize].body),
+                bodies: edges.map(|edge| surface.edges[edge as usize].body),
                 nodes: [vec![i, j], vec![k, l]],
-            }
+            })
         });
         let planes = self.neighbours.planes.iter().filter_map(move |&[point, plane]| {
             let gauge = surface.plane_gauge(point as usize, plane as usize)?;

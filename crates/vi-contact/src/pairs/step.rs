@@ -293,7 +293,7 @@ impl Contact<'_> {
         x: [&[f64]; 2],
         settings: &StepSettings,
     ) -> Option<StepPair> {
-        let pair = &self.neighbours.edges[pair];
+        let pair = self.surface.edge_pair(self.neighbours.edges[pair])?;
         let nodes = pair.nodes;
         let x = x.map(|x| nodes.map(|node| at(x, node)));
         let [start, end] = Shape::EdgeEdge.closest_if_nearer(&x, pair.reach * pair.reach)?;

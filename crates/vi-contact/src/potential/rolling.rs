@@ -73,8 +73,8 @@ fn candidates(contact: &ContactPotential) -> Vec<Candidate> {
         }
     }
     let neighbours = contact.neighbours();
-    for (number, pair) in neighbours.edge_pairs().iter().enumerate() {
-        all.push(Candidate { partners: Partners::Edges(pair.edges[0], pair.edges[1]), cell: 0, number });
+    for (number, &[a, b]) in neighbours.edge_pairs().iter().enumerate() {
+        all.push(Candidate { partners: Partners::Edges(a, b), cell: 0, number });
     }
     for (number, &[point, plane]) in neighbours.plane_pairs().iter().enumerate() {
         all.push(Candidate { partners: Partners::PointPlane(point, plane), cell: 0, number });

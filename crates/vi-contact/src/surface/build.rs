@@ -45,6 +45,9 @@ pub struct SurfaceBuilder {
     stitches: BTreeSet<[u32; 2]>,
 }
 
+/// The body of a node that no cell contains.
+const NOBODY: u32 = u32::MAX;
+
 impl SurfaceBuilder {
     /// Starts with the rest positions of all nodes, three numbers each, m.
     pub fn new(rest: &[f64]) -> Self {
@@ -184,7 +187,7 @@ impl SurfaceBuilder {
         let (edges, mut areas) = edges_and_areas(&self.cells, &widths, &self.rest);
         areas.extend(self.areas);
         let points: Vec<Point> =
-            areas.iter().map(|(&node, &area)| Point { node, body: owners[&node], area }).collect();
+            areas.iter().map(|(&node, &area)| Point { node, body: owners[node as usize], area }).collect();
         if let Some(edge) = edges.iter().find(|edge| edge.square == 0.0) {
             return Err(ContactError::Degenerate { body: edge.body, nodes: edge.nodes.to_vec() });
         }
@@ -233,10 +236,10 @@ impl SurfaceBuilder {
         Ok(surface)
     }
 
-    /// Returns the body of each node of a cell.
-    fn owners(&self) -> Result<BTreeMap<u32, u32>, ContactError> {
+    /// Returns the body of each node of a cell, and [`NOBODY`] for other nodes.
+    fn owners(&self) -> Result<Vec<u32>, ContactError> {
         let count = self.rest.len() / 3;
-        let mut owners = BTreeMap::new();
+        let mut owners = vec![NOBODY; count];
         let planes = self.half_spaces.iter();
         let planes =
             planes.flat_map(|plane| std::iter::once(plane.node).chain(plane.corners.into_iter().flatten()));
@@ -249,8 +252,8 @@ impl SurfaceBuilder {
                 if node as usize >= count {
                     return Err(ContactError::Node { node, count });
                 }
-                let first = *owners.entry(node).or_insert(cell.body);
-                if first != cell.body {
+                let first = std::mem::replace(&mut owners[node as usize], cell.body);
+                if first != cell.body && first != NOBODY {
                     return Err(ContactError::Shared { node, first, second: cell.body });
                 }
             }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::{Cell, Edge};
-use crate::distance::{Vec3, at};
+use crate::distance::at;
 
 /// 1 − cos 30°: an edge with a larger angle between the normals of its triangles is sharp.
 const SHARP: f64 = 0.133_974_596_215_561_35;
@@ -15,41 +15,50 @@ pub(super) fn edges_and_areas(
     widths: &[f64],
     rest: &[f64],
 ) -> (Vec<Edge>, BTreeMap<u32, f64>) {
-    let mut areas = BTreeMap::new();
-    let mut at_edge: BTreeMap<(u32, [u32; 2]), (f64, Vec<Vec3>)> = BTreeMap::new();
-    for cell in cells {
-        let nodes = cell.nodes();
-        let x = |k: usize| at(rest, nodes[k]);
-        match nodes.len() {
-            3 => {
-                let area = 0.5 * (x(1) - x(0)).cross(&(x(2) - x(0))).norm();
-                nodes.iter().for_each(|&node| *areas.entry(node).or_insert(0.0) += area / 3.0);
-                for [i, j, k] in [[0, 1, 2], [0, 2, 1], [1, 2, 0]] {
-                    let along = (x(j) - x(i)).normalize();
-                    let side = x(k) - x(i);
-                    let side = side - along * side.dot(&along);
-                    let entry = at_edge.entry((cell.body, [nodes[i], nodes[j]])).or_default();
-                    entry.0 += area / 3.0;
-                    entry.1.push(side.normalize());
-                }
-            }
-            2 => {
-                let area = (x(1) - x(0)).norm() * widths[cell.body as usize];
-                nodes.iter().for_each(|&node| *areas.entry(node).or_insert(0.0) += 0.5 * area);
-                at_edge.entry((cell.body, [nodes[0], nodes[1]])).or_default().0 += area;
-            }
-            _ => {}
-        }
+    let corner = |cell: &Cell, k: usize| at(rest, cell.nodes[k]);
+    let area_of = |cell: &Cell| match cell.count {
+        3 => 0.5 * (corner(cell, 1) - corner(cell, 0)).cross(&(corner(cell, 2) - corner(cell, 0))).norm(),
+        2 => (corner(cell, 1) - corner(cell, 0)).norm() * widths[cell.body as usize],
+        _ => 0.0,
+    };
+    let mut areas = vec![None; rest.len() / 3];
+    // The edges of all cells, each with its cell and the corner opposite to it.
+    let mut sides: Vec<(u32, [u32; 2], u32, u8)> = Vec::new();
+    for (number, cell) in (0..).zip(cells).filter(|(_, cell)| cell.count > 1) {
+        let share = area_of(cell) / f64::from(cell.count);
+        cell.nodes().iter().for_each(|&node| *areas[node as usize].get_or_insert(0.0) += share);
+        let edges: &[[u8; 3]] =
+            if cell.count == 3 { &[[0, 1, 2], [0, 2, 1], [1, 2, 0]] } else { &[[0, 1, 2]] };
+        sides.extend(edges.iter().map(|&[i, j, k]| {
+            let nodes = [i, j].map(|place| cell.nodes[place as usize]);
+            (cell.body, nodes, number, k)
+        }));
     }
-    let edges = at_edge.into_iter().map(|((body, nodes), (area, sides))| {
+    sides.sort_unstable();
+    let edge = |sides: &[(u32, [u32; 2], u32, u8)]| {
+        let (body, nodes, ..) = sides[0];
+        let [first, second] = nodes.map(|node| at(rest, node));
+        let along = (second - first).normalize();
+        let (mut area, mut towards) = (0.0, Vec::new());
+        for &(_, _, cell, opposite) in sides {
+            let cell = &cells[cell as usize];
+            if cell.count == 3 {
+                area += area_of(cell) / 3.0;
+                let side = corner(cell, opposite as usize) - first;
+                towards.push((side - along * side.dot(&along)).normalize());
+            } else {
+                area += area_of(cell);
+            }
+        }
         // The side vectors of two coplanar triangles are opposite. Rims, wires and forks count as sharp.
-        let sharpness = match sides.as_slice() {
+        let sharpness = match towards.as_slice() {
             [first, second] => ((1.0 + first.dot(second)) / SHARP).clamp(0.0, 1.0),
             _ => 1.0,
         };
-        let square = (at(rest, nodes[1]) - at(rest, nodes[0])).norm_squared();
-        Edge { nodes, body, area, sharpness, square }
-    });
+        Edge { nodes, body, area, sharpness, square: (second - first).norm_squared() }
+    };
+    let edges = sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(edge);
+    let areas = (0..).zip(areas).filter_map(|(node, area)| Some((node, area?))).collect();
     (edges.collect(), areas)
 }
 

@@ -154,8 +154,8 @@ fn candidate_nodes(contact: &Contact<'_>) -> Vec<Vec<u32>> {
             pairs.push([&[part.node], surface.cells()[cell as usize].nodes()].concat());
         }
     }
-    for pair in neighbours.edge_pairs() {
-        pairs.push(pair.edges.map(|edge| surface.edges()[edge as usize].nodes).concat());
+    for edges in neighbours.edge_pairs() {
+        pairs.push(edges.map(|edge| surface.edges()[edge as usize].nodes).concat());
     }
     for &[point, plane] in neighbours.plane_pairs() {
         pairs.push(vec![surface.points()[point as usize].node, surface.half_spaces()[plane as usize].node]);

@@ -142,6 +142,11 @@ pub trait Potential: Send + Sync {
     /// Returns the nodes of each local term. They do not change during the life of the value.
     fn stencils(&self) -> Stencils<'_>;
 
+    /// Returns the number of stencils, which may be known before their nodes are.
+    fn stencil_count(&self) -> usize {
+        self.stencils().count()
+    }
+
     /// Returns the number of stencils that are summed together; the last run may be shorter. Sums have the same bits
     /// only for the same runs.
     fn run_length(&self) -> usize {

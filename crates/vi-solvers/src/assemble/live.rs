@@ -204,7 +204,7 @@ impl LiveSum {
     pub(crate) fn has_candidates(&mut self, start: &[f64], end: &[f64]) -> bool {
         self.follow(start, Some(end));
         let near = self.near.as_ref();
-        near.is_some_and(|near| near.discrete.iter().any(|(_, term)| term.stencils().count() > 0))
+        near.is_some_and(|near| near.discrete.iter().any(|(_, term)| term.stencil_count() > 0))
     }
 
     /// Appends the forces of the pairs over the open step to `out`. Returns false if a term cannot be used.

@@ -76,7 +76,7 @@ impl Near {
     /// Makes the pairs of the open step, which begins at `start`, valid at all `places`, the last of which is its end as far as it
     /// is known.
     pub(super) fn choose(&mut self, start: &[f64], places: &[&[f64]], passage: &Passage) {
-        let count: usize = self.discrete.iter().map(|(_, term)| term.stencils().count()).sum();
+        let count: usize = self.discrete.iter().map(|(_, term)| term.stencil_count()).sum();
         let is_served =
             |close: &Close| close.tube.contains(start) && places.iter().all(|x| close.tube.contains(x));
         if count <= FEW || self.close.as_ref().is_some_and(is_served) {

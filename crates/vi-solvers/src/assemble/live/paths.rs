@@ -84,6 +84,6 @@ impl LiveSum {
         near.choose(start, &[x, end], passage);
         let terms = || near.of_step().0.iter().map(|(_, term)| term);
         let meetings = terms().flat_map(|term| term.meetings(x, end, kept)).collect();
-        (meetings, terms().map(|term| term.stencils().count()).sum())
+        (meetings, terms().map(|term| term.stencil_count()).sum())
     }
 }

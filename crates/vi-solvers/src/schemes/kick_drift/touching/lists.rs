@@ -258,7 +258,7 @@ impl Lists {
 
     /// Returns the number of candidates of the step.
     pub(super) fn count(&self) -> u64 {
-        self.step.terms.iter().map(|term| term.stencils().count() as u64).sum()
+        self.step.terms.iter().map(|term| term.stencil_count() as u64).sum()
     }
 
     /// Returns what is needed to return to this point between two steps.
