@@ -10,6 +10,7 @@ pub(crate) mod lanczos;
 pub(crate) mod matrix;
 pub(crate) mod matrix_sum;
 pub(crate) mod minres;
+pub(crate) mod model;
 mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;

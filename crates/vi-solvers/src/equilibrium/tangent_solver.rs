@@ -9,6 +9,7 @@ use crate::interrupt::Interrupt;
 use crate::linear::cost;
 use crate::linear::factor::Factor;
 use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::model::Model;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
 use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
@@ -99,7 +100,8 @@ impl TangentSolver {
             return factored(factor);
         }
         let cost = cost::factorization(&facts);
-        match try_gradients((mass, &[], 1.0, a, positions), TRIAL_ACCURACY, cost, work) {
+        let model = Model { mass: &[], c: 1.0, k: a, positions };
+        match try_gradients(model, mass, TRIAL_ACCURACY, cost, work) {
             Some([iterations, solve]) => {
                 let (solve, cost) = (1e3 * solve, 1e3 * cost);
                 let why = format!(

@@ -12,6 +12,7 @@ use crate::interrupt::Interrupt;
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts, SingleFactor};
 use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::model::Model;
 use crate::linear::pcg::{Pcg, usable};
 use crate::linear::rivalry::Rivalry;
 use crate::linear::trial::{describe, rough_load};
@@ -152,21 +153,19 @@ impl ChosenSolver {
         Ok(())
     }
 
-    /// Takes A = M + cK with M = diag(mass) at these positions of the free coordinates, m; an empty mass means zero.
+    /// Takes a matrix A = M + cK.
     pub(crate) fn make(
         &mut self,
         system: &System,
-        mass: &[f64],
-        c: f64,
-        k: &SymmetricMatrix,
-        positions: &[f64],
+        model: Model<'_>,
         work: &mut Work,
     ) -> Result<(), SolverError> {
+        let Model { mass, c, k, positions } = model;
         if !self.is_ready() {
-            self.decide(system, mass, c, k, positions, work)?;
+            self.decide(system, model, work)?;
             self.analyses += 1;
         } else if self.rivalry.is_due() && self.choice == LinearSolver::Auto && !self.is_exact {
-            self.compare(system, mass, c, k, positions, work)?;
+            self.compare(system, model, work)?;
         }
         if !self.serves(k) {
             self.analyze(k)?;
@@ -184,7 +183,7 @@ impl ChosenSolver {
                 }
                 work.factorizations += 1;
                 self.double(&format!("in single precision a solve has a relative error of {left:.1e}"));
-                return self.make(system, mass, c, k, positions, work);
+                return self.make(system, model, work);
             }
             Path::Gradients(pcg) => {
                 let made = pcg.prepare(mass, c, k, positions).map(|_| ()).map_err(SolverError::from);
@@ -197,7 +196,7 @@ impl ChosenSolver {
             Err(SolverError::NotPositiveDefinite(_)) if self.choice == LinearSolver::Auto => {
                 // A pivot of the preconditioner failed. A factor shows whether A itself is indefinite.
                 self.take_factor(system, k, "conjugate gradients found no preconditioner")?;
-                self.make(system, mass, c, k, positions, work)
+                self.make(system, model, work)
             }
             other => other,
         }

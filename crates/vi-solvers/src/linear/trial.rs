@@ -3,7 +3,7 @@
 
 use crate::linear::cost;
 use crate::linear::factor::FactorFacts;
-use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::model::Model;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
 use crate::work::Work;
@@ -13,11 +13,11 @@ pub(crate) const CONSIDER_FLOPS: f64 = 3e9;
 /// Largest fraction of the machine's memory that a factor may take.
 const FACTOR_MEMORY_SHARE: f64 = 0.5;
 
-/// Solves with A = M + cK at these positions and a random load, weighted by the masses `weights`, by conjugate gradients to
-/// the relative `accuracy`. Returns the number of iterations and the cost of a solve in seconds of the reference core, or
+/// Solves with A and a random load, weighted by the masses `weights`, by conjugate gradients to the relative `accuracy`. Returns the number of iterations and the cost of a solve in seconds of the reference core, or
 /// `None` if it would exceed `most`.
 pub(crate) fn try_gradients(
-    (weights, mass, c, k, positions): (&[f64], &[f64], f64, &SymmetricMatrix, &[f64]),
+    Model { mass, c, k, positions }: Model<'_>,
+    weights: &[f64],
     accuracy: f64,
     most: f64,
     work: &mut Work,

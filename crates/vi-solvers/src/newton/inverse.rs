@@ -14,6 +14,7 @@ use crate::linear::choice::ChosenSolver;
 use crate::linear::cost::UnitCosts;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
+use crate::linear::model::Model;
 use crate::memory::StepperMemory;
 use crate::newton::rotated_factor::RotatedFactor;
 use crate::options::SolverOptions;
@@ -196,13 +197,15 @@ impl Inverse {
         let mut positions = vec![0.0; system.coordinates().free_count()];
         system.coordinates().coordinates_of(evaluator.positions(), &mut positions);
         let hessian = evaluator.hessian(system, kind)?;
-        let made = match &mut self.summed {
-            None => self.linear.make(system, system.free_mass(), c, hessian, &positions, &mut work),
+        let positions = &positions[..];
+        let model = match &mut self.summed {
+            None => Model { mass: system.free_mass(), c, k: hessian, positions },
             Some(Summed { mass, sum }) => {
-                let matrix = MatrixSum::of(sum, &[(1.0, mass), (c, hessian)])?;
-                self.linear.make(system, &[], 1.0, matrix, &positions, &mut work)
+                let k = MatrixSum::of(sum, &[(1.0, mass), (c, hessian)])?;
+                Model { mass: &[], c: 1.0, k, positions }
             }
         };
+        let made = self.linear.make(system, model, &mut work);
         evaluator.work += work;
         // Without a pair that acts there is nothing to multiply by.
         let tangents = evaluator.last_tangents().filter(|(_, matrix)| !matrix.is_zero());

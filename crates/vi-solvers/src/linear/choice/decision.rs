@@ -8,6 +8,7 @@ use crate::error::SolverError;
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts};
 use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::model::Model;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
 use crate::linear::rivalry::SOLVES_A_FACTOR;
@@ -21,12 +22,10 @@ impl ChosenSolver {
     pub(super) fn decide(
         &mut self,
         system: &System,
-        mass: &[f64],
-        c: f64,
-        k: &SymmetricMatrix,
-        positions: &[f64],
+        model: Model<'_>,
         work: &mut Work,
     ) -> Result<(), SolverError> {
+        let k = model.k;
         match self.continued {
             Some([true, _]) => {
                 self.continued = None;
@@ -69,8 +68,7 @@ impl ChosenSolver {
         }
         let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
         let flops = 1e-9 * facts.flops;
-        if let Some([iterations, gradients]) =
-            try_gradients((system.free_mass(), mass, c, k, positions), FORCING, direct, work)
+        if let Some([iterations, gradients]) = try_gradients(model, system.free_mass(), FORCING, direct, work)
         {
             let (gradients, direct) = (1e3 * gradients, 1e3 * direct);
             let why = format!(
@@ -86,12 +84,10 @@ impl ChosenSolver {
     pub(super) fn compare(
         &mut self,
         system: &System,
-        mass: &[f64],
-        c: f64,
-        k: &SymmetricMatrix,
-        positions: &[f64],
+        model: Model<'_>,
         work: &mut Work,
     ) -> Result<(), SolverError> {
+        let k = model.k;
         let factor = self.rivalry.factor;
         let (matrices, solves) = (self.rivalry.matrices - 1, self.rivalry.solves);
         let costs = UnitCosts { factor: factor[0], solve: factor[1], ..self.costs };
@@ -110,8 +106,7 @@ impl ChosenSolver {
                 cost::preparation(&Pcg::new(k, Preconditioner::BlockIncompleteCholesky).facts());
             let most = self.rivalry.largest_gradients(preconditioner);
             if most > 0.0
-                && let Some([iterations, _]) =
-                    try_gradients((system.free_mass(), mass, c, k, positions), FORCING, most, work)
+                && let Some([iterations, _]) = try_gradients(model, system.free_mass(), FORCING, most, work)
             {
                 let why = format!(
                     "a solve takes {iterations} iterations, and factors were made for {matrices} matrices in {solves} solves"
