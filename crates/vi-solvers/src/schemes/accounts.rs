@@ -48,6 +48,11 @@ impl PotentialEnergies {
         Self { kept, ..Self::new() }
     }
 
+    /// Forgets the energy at the end of a step that was given up.
+    pub(crate) fn forget(&mut self) {
+        self.kept = None;
+    }
+
     /// Opens a step at (q, t). The energy is already known if the last step ended there.
     pub(crate) fn open(&mut self, system: &System, evaluator: &mut Evaluator, q: &[f64], t: f64) {
         let known = self.kept.take().filter(|_| evaluator.is_at(system, q, t));

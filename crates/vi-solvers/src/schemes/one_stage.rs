@@ -136,8 +136,8 @@ impl<R: Rule> OneStage<R> {
             check_narrowest(&outcome)?;
         }
         let stored = outcome.stored - self.stored_energy();
-        let mut energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
         self.check_gain(system, state, iterations)?;
+        let mut energy = if self.ledger { self.account(system, state)? } else { StepEnergy::default() };
         energy.friction = -outcome.friction;
         energy.contact_damping = -outcome.damping;
         if self.ledger {
@@ -156,7 +156,7 @@ impl<R: Rule> OneStage<R> {
     /// Returns an error if a step that can be divided was hard to solve and gained more energy than is accurate. Only schemes that
     /// conserve the energy of linear systems are judged, and only while nothing else can bring energy.
     fn check_gain(&mut self, system: &System, before: &State, iterations: u32) -> Result<(), SolverError> {
-        let Self { rule, evaluator, newton, after, inertia, .. } = self;
+        let Self { rule, evaluator, newton, stage, after, inertia, potential_energies, .. } = self;
         let is_judged = rule.works_on_mean_velocity()
             && !rule.has_correction()
             && matches!(newton.budget, Budget::Seconds(_))
@@ -169,10 +169,13 @@ impl<R: Rule> OneStage<R> {
             return Ok(());
         }
         let mass = system.free_mass();
-        let kinetic = |p: &[f64]| 0.5 * vectors::sum(p.len(), |k| p[k] * p[k] / mass[k]);
-        let (first, last) = (kinetic(&before.p), kinetic(&after.p));
-        let stored =
-            evaluator.energy(system, &after.q, after.t) - evaluator.energy(system, &before.q, before.t);
+        let (first, p) = (0.5 * stage.twice_kinetic, &after.p);
+        let last = 0.5 * vectors::sum(p.len(), |k| p[k] * p[k] / mass[k]);
+        let start = match self.ledger {
+            true => potential_energies.start,
+            false => evaluator.energy(system, &before.q, before.t),
+        };
+        let stored = evaluator.energy(system, &after.q, after.t) - start;
         if last - first + stored > LARGEST_GAIN * first.max(last) {
             return Err(SolverError::Budget { iterations });
         }
@@ -340,6 +343,7 @@ impl<R: Rule> Stepper for OneStage<R> {
         let advanced = self.advance(system, state, h);
         self.evaluator.work.searches += self.evaluator.searches() - searches;
         let (iterations, energy) = advanced.map_err(|error| {
+            self.potential_energies.forget();
             let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;
