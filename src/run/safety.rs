@@ -51,7 +51,7 @@ impl Run {
         let action = match wants_switch.then(|| self.simulation.switch()) {
             Some(Ok(())) => format!("from t = {from:e} s on by energy-momentum"),
             refused => {
-                self.simulation.halve_longest();
+                self.simulation.halve();
                 let why = match refused {
                     Some(Err(error)) => format!(" ({error})"),
                     _ => String::new(),

@@ -157,7 +157,7 @@ impl Adaptive {
             // Of two numbers that ask for each other, the larger one is taken from either end.
             if is_final || (tried.contains(&wanted) && wanted < number) {
                 (counts.fewest, counts.most) = (made, made);
-                // Only the parts of a step of this density tell what `Simulation::halve` would shorten.
+                // `Simulation::halve` divides each of the `number` equal steps, of which this is the longest part.
                 done.longest /= cut.parts;
                 return Ok((done, counts));
             }

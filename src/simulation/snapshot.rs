@@ -181,21 +181,16 @@ impl Simulation {
         Ok(())
     }
 
-    /// Divides every further step into twice as many parts; returns false if they are already h/1024.
+    /// Divides every further step into parts that are half as long as the longest part made since the start, or since the state
+    /// that a run can go back to: parts of the same length would only repeat its steps. Returns false if parts are already h/1024.
     pub fn halve(&mut self) -> bool {
+        let longest = match self.longest_since_kept {
+            0 => FLOOR / self.parts,
+            made => made.min(FLOOR / self.parts),
+        };
         let can = self.parts < MOST_PARTS;
-        if can {
-            self.parts *= 2;
-        }
+        self.parts = (2 * FLOOR / longest).min(MOST_PARTS);
         can
-    }
-
-    /// Divides every further step into parts that are at most half as long as the longest one since [`Simulation::keep`]: parts of
-    /// the same length would only repeat the steps that were discarded. Returns false if parts are already h/1024.
-    pub(crate) fn halve_longest(&mut self) -> bool {
-        let could = self.halve();
-        while self.longest_since_kept > 0 && FLOOR / self.parts >= self.longest_since_kept && self.halve() {}
-        could
     }
 
     /// Returns the current step, s: h, or its part after [`Simulation::halve`].

@@ -104,3 +104,18 @@ fn adaptive_steps_do_not_let_the_energy_drift() {
     assert!(symmetric.abs() < 1e-3, "symmetric: {symmetric:e}, plain: {plain:e}, {counts:?}");
     assert!(plain.abs() > 30.0 * symmetric.abs(), "symmetric: {symmetric:e}, plain: {plain:e}");
 }
+
+/// Halving shortens the longest part that was made, which may be shorter than the whole step, down to h/1024.
+#[test]
+fn halving_shortens_the_longest_part() {
+    let mut simulation = block(2, 1e-6, 1e5);
+    simulation.step().unwrap();
+    assert!(simulation.halve());
+    assert_eq!(simulation.part(), simulation.step_size() / 2.0);
+    simulation.longest_since_kept = super::pace::FLOOR / 8;
+    assert!(simulation.halve());
+    assert_eq!(simulation.part(), simulation.step_size() / 16.0);
+    simulation.longest_since_kept = 1;
+    assert!(simulation.halve() && !simulation.halve());
+    assert_eq!(simulation.part(), simulation.step_size() / 1024.0);
+}
