@@ -115,3 +115,21 @@ impl Attempt {
         (ratio > 0.0).then(|| ratio.powf(1.0 / steps as f64))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Factors that reduce the error to less than a tenth are no trouble, however many there are; others are.
+    #[test]
+    fn only_factors_without_a_gain_count_as_troubles() {
+        let mut attempt = Attempt::new(false);
+        let mut troubles = |eta: f64| {
+            attempt.record(eta);
+            attempt.escalate(Reason::Slow);
+            attempt.troubles
+        };
+        let counts = [16.0, 1.0, 0.05, 4e-3, 1e-3, 2.0, 3e-4, 2e-5].map(&mut troubles);
+        assert_eq!(counts, [1, 1, 1, 1, 2, 3, 4, 4]);
+    }
+}
