@@ -83,8 +83,8 @@ pub struct Neighbours {
     /// Index in `cells` of the first cell of each point, followed by the total number.
     pub(crate) starts: Vec<u32>,
     pub(crate) cells: Vec<u32>,
-    /// Numbers of both edges of each pair, the lower first. Their constants follow from the surface: a list of them would be eight
-    /// times as long.
+    /// Numbers of both edges of each pair, the lower first. Their constants follow from the surface; with them a pair would take 56
+    /// bytes instead of 8.
     pub(crate) edges: Vec<[u32; 2]>,
     /// Point and half-space of each pair.
     pub(crate) planes: Vec<[u32; 2]>,
