@@ -83,6 +83,7 @@ enum Command {
 
 /// Runs the program with these arguments (the first is the program's name).
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    signals::own_process();
     ExitCode::from(execute(arguments))
 }
 

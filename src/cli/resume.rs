@@ -55,6 +55,7 @@ fn resume_directory(team: &Team, arguments: &ResumeArguments) -> u8 {
         Ok(scene) => scene,
         Err(code) => return code,
     };
+    let stop = Stop::on_signals();
     let pool = match thread_pool(arguments.threads.or(team.threads())) {
         Ok(pool) => pool,
         Err(code) => return code,
@@ -62,7 +63,6 @@ fn resume_directory(team: &Team, arguments: &ResumeArguments) -> u8 {
     if !arguments.output.is_brief() {
         message!("resuming {path} after step {step}");
     }
-    let stop = Stop::on_signals();
     let scene = scene.interruptible(stop.interrupt());
     let mut watch = arguments.output.watch(directory, &stop);
     let result = pool.install(|| resume_by(team, scene, &found.checkpoint, directory, &mut *watch));

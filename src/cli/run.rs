@@ -92,6 +92,7 @@ fn run_scene(team: &Team, arguments: &RunArguments) -> u8 {
         Ok((scene, _)) => scene,
         Err(code) => return code,
     };
+    let stop = Stop::on_signals();
     let pool = match thread_pool(arguments.threads.or(team.threads())) {
         Ok(pool) => pool,
         Err(code) => return code,
@@ -105,7 +106,6 @@ fn run_scene(team: &Team, arguments: &RunArguments) -> u8 {
         );
         return exit::BAD_INPUT;
     }
-    let stop = Stop::on_signals();
     let scene = scene.interruptible(stop.interrupt());
     let mut watch = arguments.output.watch(&directory, &stop);
     let source = (arguments.scene.as_path(), overrides.as_slice());

@@ -2,6 +2,8 @@
 //! progress and writes its results; a second one ends it immediately.
 
 use std::sync::Arc;
+#[cfg(unix)]
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -11,6 +13,16 @@ use vi_solvers::Interrupt;
 use super::exit;
 use super::say::message;
 
+/// Whether the process runs this program alone, so that it may block signals in its threads.
+#[cfg(unix)]
+static OWNS_PROCESS: OnceLock<()> = OnceLock::new();
+
+/// Declares that the process runs this program alone. Call it before other threads start.
+pub(super) fn own_process() {
+    #[cfg(unix)]
+    OWNS_PROCESS.get_or_init(|| ());
+}
+
 /// Records whether a signal has requested the end of the command.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Stop {
@@ -19,9 +31,13 @@ pub(super) struct Stop {
 }
 
 impl Stop {
-    /// Starts to listen for the signals.
+    /// Starts to listen for the signals. Call it before the threads of the command start: they inherit which signals are blocked.
     pub(super) fn on_signals() -> Self {
         let stop = Self::default();
+        #[cfg(unix)]
+        if OWNS_PROCESS.get().is_some() && stop.listen_apart().is_ok() {
+            return stop;
+        }
         for signal in signals() {
             if let Err(error) = stop.listen(signal) {
                 message!("note: signal {signal} will end at once, without writing: {error}");
@@ -36,6 +52,31 @@ impl Stop {
         flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&self.is_asked))?;
         flag::register_usize(signal, Arc::clone(&self.signal), signal as usize)?;
         flag::register(signal, Arc::clone(&self.is_asked))?;
+        Ok(())
+    }
+
+    /// Blocks the signals in this thread and its descendants, and waits for them in a thread of its own. While METIS orders a
+    /// matrix, it replaces the handler of SIGTERM by a jump within its own thread; in another thread, that jump crashes.
+    #[cfg(unix)]
+    fn listen_apart(&self) -> std::io::Result<()> {
+        let numbers = signals().into_iter().map(nix::sys::signal::Signal::try_from);
+        let set: nix::sys::signal::SigSet = numbers.collect::<nix::Result<_>>()?;
+        set.thread_block()?;
+        let stop = self.clone();
+        let listener = move || {
+            while let Ok(signal) = set.wait() {
+                let signal = signal as i32;
+                if stop.is_asked() {
+                    signal_hook::low_level::exit(128 + signal);
+                }
+                stop.signal.store(signal as usize, Ordering::SeqCst);
+                stop.is_asked.store(true, Ordering::SeqCst);
+            }
+        };
+        if let Err(error) = std::thread::Builder::new().spawn(listener) {
+            set.thread_unblock()?;
+            return Err(error);
+        }
         Ok(())
     }
 
