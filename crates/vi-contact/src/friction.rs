@@ -121,7 +121,7 @@ pub(crate) struct Bristles<'a> {
 
 /// The bristle of a pair over a step.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Held {
+pub(crate) struct BristleStep {
     /// Traction T on the second part, N.
     pub(crate) traction: Vec3,
     /// Components of T along both tangents, N.
@@ -140,7 +140,7 @@ pub(crate) struct Held {
     pub(crate) end: [f64; 2],
 }
 
-impl Held {
+impl BristleStep {
     /// Returns the bristle after a slip.
     pub(crate) fn new(
         bristles: &Bristles<'_>,
@@ -303,7 +303,7 @@ impl Contact<'_> {
             nodes: &slip.nodes[..slip.arity],
             weights: &slip.weights,
         };
-        let held = Held::new(&bristles, slip.slip, &slip.tangents, pressed);
+        let held = BristleStep::new(&bristles, slip.slip, &slip.tangents, pressed);
         Some(FrictionPair {
             partners,
             arity: slip.arity,

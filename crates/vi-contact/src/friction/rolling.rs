@@ -15,7 +15,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{Anchor, Anchors, Bristles, Held, Pressed, resolution};
+use super::{Anchor, Anchors, BristleStep, Bristles, Pressed, resolution};
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepSettings};
 
@@ -35,7 +35,7 @@ pub(crate) struct RollingPair {
     pub(crate) slip: Vec3,
     /// Orthonormal directions normal to the axis.
     pub(crate) tangents: [Vec3; 2],
-    pub(crate) held: Held,
+    pub(crate) held: BristleStep,
     /// Force that presses the two parts together, N.
     pub(crate) pressing: f64,
     /// Whether the pair slid in the step before.
@@ -195,7 +195,7 @@ impl Contact<'_> {
             nodes: &nodes,
             weights: &weights,
         };
-        let held = Held::new(&bristles, slip, &tangents, pressed);
+        let held = BristleStep::new(&bristles, slip, &tangents, pressed);
         let anchor = Anchor { partners, cell: frame, stretch: held.end, slides: held.sliding.is_some() };
         let slid = before.is_some_and(|anchor| anchor.slides);
         Some(RollingPair {

@@ -12,7 +12,7 @@ use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::layout::Held;
+use crate::ranks::layout::RankCoordinates;
 use crate::ranks::member::Member;
 use crate::ranks::partners::Partners;
 use crate::schemes::method::{Method, stepper};
@@ -90,7 +90,7 @@ impl Conductor {
             }
             None => None,
         };
-        let of_rank = |held: &Held| -> Vec<f64> {
+        let of_rank = |held: &RankCoordinates| -> Vec<f64> {
             let count = 2 * held.free().count() + if x.is_some() { held.dofs().count() } else { 0 };
             let mut numbers = Vec::with_capacity(count);
             numbers.extend(held.free().map(|k| state.q[k]));
@@ -129,7 +129,7 @@ impl Conductor {
     /// coordinate, its value and its momentum.
     fn collect(&self, member: &Member, mut enter: impl FnMut(usize, f64, f64)) {
         let (partners, own) = (&self.partners, member.state());
-        let mut enter_all = |held: &Held, q: &[f64], p: &[f64]| {
+        let mut enter_all = |held: &RankCoordinates, q: &[f64], p: &[f64]| {
             held.free().zip(q).zip(p).for_each(|((k, &q), &p)| enter(k, q, p));
         };
         enter_all(&partners.held()[0], &own.q, &own.p);

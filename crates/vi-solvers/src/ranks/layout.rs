@@ -10,7 +10,7 @@ use crate::ranks::rows::RowsLayout;
 /// The coordinates of the portion of one rank, as numbers of the whole system.
 ///
 /// Free coordinates are counted when they are needed: lists of them would take three times the memory of the nodes.
-pub(crate) struct Held {
+pub(crate) struct RankCoordinates {
     /// Nodes of the rank, ascending.
     nodes: Vec<u32>,
     /// Places in `nodes` of those whose gradient the rank reports, ascending.
@@ -21,7 +21,7 @@ pub(crate) struct Held {
     block: usize,
 }
 
-impl Held {
+impl RankCoordinates {
     /// Returns all coordinates of the rank.
     pub(crate) fn dofs(&self) -> impl Iterator<Item = usize> {
         let block = self.block;
@@ -64,7 +64,7 @@ impl Held {
 /// The division of a system among ranks.
 pub(crate) struct Layout {
     /// The coordinates of each rank.
-    pub(crate) held: Vec<Held>,
+    pub(crate) held: Vec<RankCoordinates>,
     /// The runs of stencils that each rank sums: index of the term and first stencil.
     pub(crate) runs: Vec<Vec<(usize, usize)>>,
     /// The rows of each rank; empty if the first rank solves linear systems alone.
@@ -88,7 +88,7 @@ impl Layout {
             // The run keeps them.
             nodes.shrink_to_fit();
             reported.shrink_to_fit();
-            Held { nodes, reported, held_fast: held_fast.clone(), block }
+            RankCoordinates { nodes, reported, held_fast: held_fast.clone(), block }
         });
         Self { held: held.collect(), runs, rows, steps }
     }

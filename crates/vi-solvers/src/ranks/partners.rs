@@ -9,7 +9,7 @@ use vi_core::{
 use crate::error::SolverError;
 use crate::options::SolverOptions;
 use crate::ranks::command::Command;
-use crate::ranks::layout::{Held, Layout};
+use crate::ranks::layout::{Layout, RankCoordinates};
 use crate::ranks::member::Member;
 use crate::ranks::rows::{Rows, RowsLayout};
 use crate::schemes::method::Method;
@@ -62,7 +62,7 @@ impl Partners {
     }
 
     /// Returns the coordinates of each rank.
-    pub(crate) fn held(&self) -> &[Held] {
+    pub(crate) fn held(&self) -> &[RankCoordinates] {
         &self.layout.held
     }
 
@@ -110,7 +110,7 @@ impl Partners {
 
     /// Receives a number for each free coordinate that the others report; `own` are those of the first rank.
     fn collect(&self, own: &[f64], out: &mut [f64]) {
-        let mut enter = |held: &Held, values: &[f64]| {
+        let mut enter = |held: &RankCoordinates, values: &[f64]| {
             held.reported_free().zip(values).for_each(|(free, &value)| out[free] = value);
         };
         enter(&self.held()[0], own);
@@ -119,7 +119,7 @@ impl Partners {
 
     /// Gives all ranks the positions of their coordinates; returns those of the first.
     fn hand_out(&self, x: &[f64]) -> Vec<f64> {
-        let of_rank = |held: &Held| -> Vec<f64> { held.dofs().map(|dof| x[dof]).collect() };
+        let of_rank = |held: &RankCoordinates| -> Vec<f64> { held.dofs().map(|dof| x[dof]).collect() };
         self.send(self.held(), of_rank);
         of_rank(&self.held()[0])
     }
@@ -146,11 +146,11 @@ impl SharedTerms for Partners {
         let own = self.hand_out(x);
         let own = member.gradient(&own, t);
         // Every coordinate is reported by one rank.
-        let mut enter = |held: &Held, values: &[f64]| {
+        let mut enter = |held: &RankCoordinates, values: &[f64]| {
             held.reported_dofs().zip(values).for_each(|(dof, &value)| x[dof] = value);
         };
         enter(&self.held()[0], &own);
-        self.receive(self.held(), Held::reported_count, enter);
+        self.receive(self.held(), RankCoordinates::reported_count, enter);
     }
 
     fn first_fault(&self, x: &[f64], t: f64) -> Option<(usize, usize)> {
@@ -170,8 +170,9 @@ impl SharedTerms for Partners {
         let &LanczosStart { per_unit, displacement, vector } = start;
         let mut member = self.member();
         self.command(Command::StartLanczos { t, per_unit, displacement });
-        let of_rank =
-            |held: &Held| -> Vec<f64> { held.free().map(|k| q[k]).chain(held.free().map(vector)).collect() };
+        let of_rank = |held: &RankCoordinates| -> Vec<f64> {
+            held.free().map(|k| q[k]).chain(held.free().map(vector)).collect()
+        };
         self.send(self.held(), of_rank);
         member.start_lanczos(t, [per_unit, displacement], &of_rank(&self.held()[0]));
         true
