@@ -73,6 +73,10 @@ impl Newton {
             solve.evaluate()?;
             let decrement = solve.correct()?;
             solve.evaluator.work.newton_iterations += 1;
+            if kind == HessianEvaluation::Exact && solve.is_astray() {
+                kind = HessianEvaluation::Projected;
+                continue;
+            }
             let longest = solve.largest_step();
             solve.equations.advance(longest);
             eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };

@@ -46,6 +46,11 @@ pub(crate) trait Equations {
     fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator) -> f64 {
         1.0
     }
+    /// Returns a bound on the length of sensible corrections if terms limit steps, m. Much longer ones would make candidates of all
+    /// pairs.
+    fn longest_correction(&self, _evaluator: &Evaluator) -> f64 {
+        f64::INFINITY
+    }
     /// Omits from R the part that keeps its solution from minimising the merit, or restores it; returns false if
     /// there is no such part.
     fn simplify(&mut self, _simple: bool) -> bool {
@@ -129,6 +134,15 @@ impl<'a, E: Equations> Solve<'a, E> {
             true => self.equations.largest_step(self.system, self.evaluator),
             false => 1.0,
         }
+    }
+
+    /// Returns whether the last correction is too long to make sense: the factor lacks pairs that act, or is nearly singular.
+    pub(super) fn is_astray(&mut self) -> bool {
+        if !self.evaluator.limits_steps() {
+            return false;
+        }
+        let longest = self.equations.longest_correction(self.evaluator);
+        self.equations.correction().0.iter().any(|delta| delta.abs() > longest)
     }
 
     /// Factors the model at the last evaluation of the forces.

@@ -88,8 +88,6 @@ pub(crate) trait PairEquations: Equations {
     /// Moves the start of the iteration, node by node, to where no pair meets on the path from the beginning of the
     /// step.
     fn limit_start(&mut self, evaluator: &mut Evaluator);
-    /// Returns a bound on the length of sensible corrections, m. Much longer ones would make candidates of all pairs.
-    fn longest_correction(&self, evaluator: &Evaluator) -> f64;
 }
 
 /// A solve of equations with friction.

@@ -118,6 +118,11 @@ impl Newton {
                 let (delta, load) = solve.equations.correction();
                 self.anderson.mix(delta, load, small || !has_merit);
             }
+            if !attempt.is_renewed && solve.is_astray() {
+                // The factor was made before the pairs that act here. To examine the path would take longer than a new one.
+                attempt.escalate(Reason::Slow);
+                continue;
+            }
             let longest = solve.largest_step();
             solve.equations.advance(longest);
             let scale = solve.equations.energy_scale();

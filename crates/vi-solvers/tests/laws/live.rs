@@ -85,6 +85,24 @@ fn a_motion_does_not_notice_that_stencils_change() {
     }
 }
 
+/// In a large step points come close that were far apart at its beginning. Newton's method needs no more iterations than with all
+/// stencils, because the Hessian contains the pairs of its iterates.
+#[test]
+fn large_steps_converge_as_with_all_stencils() {
+    for method in [Method::BackwardEuler, Method::Newmark { beta: 0.25, gamma: 0.5 }] {
+        let live = Arc::new(Repulsion::new(20, false));
+        let (all, x) = strip(false, vec![Box::new(live.fixed())]);
+        let (near, _) = strip(false, Vec::new());
+        let near = near.with_live(vec![live as Arc<dyn Live>]);
+        let iterations = [all, near].map(|system| {
+            let mut state = system.state(0.0, &x, &folding(&x)).unwrap();
+            let mut stepper = stepper(&method, &system, &OPTIONS).unwrap();
+            (0..10).map(|_| stepper.step(&system, &mut state, 0.2).unwrap().iterations).sum::<u32>()
+        });
+        assert!(iterations[1] <= iterations[0] + 2, "{}: {iterations:?}", method.name());
+    }
+}
+
 #[test]
 fn a_motion_by_discrete_gradients_does_not_notice_it_either() {
     for method in [Method::StormerVerlet, Method::ImplicitMidpoint, Method::EnergyMomentum] {

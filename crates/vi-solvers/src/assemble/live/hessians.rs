@@ -19,7 +19,8 @@ impl LiveSum {
         kind: HessianEvaluation,
         ends: Option<[&[f64]; 2]>,
     ) -> Result<&'a SymmetricMatrix, SolverError> {
-        match ends {
+        // Terms that act by their gradient act at `x`, which may be far from the ends that were set last.
+        match ends.filter(|_| self.splits) {
             Some([start, end]) => {
                 self.tighten(start, end);
                 self.follow(start, Some(end));

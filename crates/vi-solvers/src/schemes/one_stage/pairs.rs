@@ -13,11 +13,6 @@ use crate::newton::pairs::PairEquations;
 use crate::schemes::constraint::multipliers::Multipliers;
 use crate::vectors;
 
-/// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
-/// of the pairs for bodies that begin to move.
-const FARTHEST: f64 = 2.0;
-const REACHES: f64 = 20.0;
-
 impl<R: Rule> StageEquations<'_, R> {
     /// Returns whether live terms list pairs that are near this step, as far as the velocities tell.
     pub(super) fn meets_pairs(&mut self, evaluator: &mut Evaluator) -> bool {
@@ -216,15 +211,6 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
 
     fn limit_start(&mut self, evaluator: &mut Evaluator) {
         self.shorten_way(evaluator);
-    }
-
-    fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
-        let Stage { offset, w, residual, .. } = &*self.stage;
-        let (mass, count) = (self.system.free_mass(), offset.len());
-        let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
-        let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
-        let bound = (3.0_f64.sqrt() * END_PER_STAGE * pushed).min(REACHES * evaluator.reach());
-        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * motion + bound
     }
 }
 

@@ -4,6 +4,7 @@ use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
+use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
 use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::equations::Equations;
@@ -12,6 +13,11 @@ use crate::newton::start::Start;
 use crate::schemes::constraint::multipliers::Multipliers;
 use crate::schemes::one_stage::rule::{Rule, Trial};
 use crate::vectors;
+
+/// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
+/// of the pairs for bodies that begin to move.
+const FARTHEST: f64 = 2.0;
+const REACHES: f64 = 20.0;
 
 /// The unknowns and buffers of one stage.
 pub(super) struct Stage {
@@ -299,6 +305,15 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         let part = stage.largest_step(system, *rule, evaluator, &correction);
         (stage.w, stage.correction) = (reached, correction);
         part
+    }
+
+    fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
+        let Stage { offset, w, residual, .. } = &*self.stage;
+        let (mass, count) = (self.system.free_mass(), offset.len());
+        let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
+        let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
+        let bound = (3.0_f64.sqrt() * END_PER_STAGE * pushed).min(REACHES * evaluator.reach());
+        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * motion + bound
     }
 
     fn linearize(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
