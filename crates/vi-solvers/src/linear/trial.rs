@@ -13,8 +13,8 @@ pub(crate) const CONSIDER_FLOPS: f64 = 3e9;
 /// Largest fraction of the machine's memory that a factor may take.
 const FACTOR_MEMORY_SHARE: f64 = 0.5;
 
-/// Solves with A and a random load, weighted by the masses `weights`, by conjugate gradients to the relative `accuracy`. Returns the number of iterations and the cost of a solve in seconds of the reference core, or
-/// `None` if it would exceed `most`.
+/// Solves with A and a random load, weighted by the masses `weights`, by conjugate gradients to the relative `accuracy`. Returns
+/// the number of iterations and the cost of a solve in seconds of the reference core, or `None` if it would exceed `most`.
 pub(crate) fn try_gradients(
     Model { mass, c, k, positions }: Model<'_>,
     weights: &[f64],
