@@ -70,6 +70,8 @@ pub(crate) struct Watching {
     pub(crate) stride: u64,
     /// Relative growth of which it warns.
     pub(crate) warns_above: f64,
+    /// Whether it also observes after each step after which the kinetic energy is suspicious.
+    pub(crate) watches_motion: bool,
 }
 
 /// Monitors the energy of a run.
@@ -77,6 +79,7 @@ pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
     stride: u64,
     warns_above: f64,
+    watches_motion: bool,
     pub(crate) growth: Growth,
     events: Vec<GuardEvent>,
     /// Energy below which round-off dominates, J.
@@ -90,11 +93,11 @@ impl EnergyGuard {
     /// Makes the guard of a scheme of order `order` at the first observation. Below the energy `resolution` (J)
     /// round-off dominates.
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
-        let Watching { rule, stride, warns_above } = watching;
+        let Watching { rule, stride, warns_above, watches_motion } = watching;
         let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, stride, warns_above, growth, events: Vec::new(), resolution, grace }
+        Self { rule, stride, warns_above, watches_motion, growth, events: Vec::new(), resolution, grace }
     }
 
     /// Returns whether the guard must observe after this step in order to act.
@@ -106,6 +109,13 @@ impl EnergyGuard {
     /// exchange within a few steps, at the highest price.
     pub(crate) fn doubts(&self, stepped: &Stepped) -> bool {
         self.rule.acts() && stepped.substeps > 0
+    }
+
+    /// Returns whether the guard must observe because the `kinetic` energy (J) exceeds what was exchanged until its last
+    /// observation. Kinetic energy costs far less than an observation. The energy of an unstable explicit step grows tenfold and more
+    /// in each step, and the first step with contact at such velocities takes minutes and a gigabyte: all pairs are then candidates.
+    pub(crate) fn suspects(&self, kinetic: impl FnOnce() -> f64) -> bool {
+        self.watches_motion && self.rule.acts() && kinetic() > (1.0 + self.rule.bound) * self.growth.exchange
     }
 
     /// Returns whether a state to go back to is kept after this step.

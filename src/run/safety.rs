@@ -38,7 +38,9 @@ impl Run {
             let (relative, bound) = (now / exchange, run.observers.guard.rule.bound);
             Err(RunError::Guard { step, t, joules: now, relative, bound, after })
         };
-        let Some(good) = self.good.take() else { return end(self, "") };
+        let Some(good) = self.good.take() else {
+            return end(self, ": shorten `time.step`, or use scheme = \"energy-momentum\"");
+        };
         let from = good.simulation.steps() as f64 * self.simulation.step_size();
         let (part, was_switched) = (self.simulation.part(), self.simulation.is_switched());
         if part <= self.simulation.step_size() / 1024.0 {

@@ -127,11 +127,12 @@ impl Run {
             (.., false) => IMPLICIT_STRIDE,
         };
         let mut warns_above = rule.bound;
+        let watches_motion = simulation.has_explicit_contact();
         if scene.guard.is_none() && !is_auto {
             warns_above = WARNS_ABOVE;
-            if scene.contact.is_some() && method.is_explicit {
+            if watches_motion {
                 // Each change of a step near the stability limit adds energy.
-                rule.action = GuardAction::Warn;
+                rule.action = GuardAction::Stop;
             }
         }
         if scene.statics.is_some() || !simulation.is_accounted() {
@@ -142,7 +143,12 @@ impl Run {
         let resolution = simulation.resolution();
         let observers = Observers {
             ledger: LedgerKeeper::new(&first, resolution),
-            guard: EnergyGuard::new(Watching { rule, stride, warns_above }, method.order, &first, resolution),
+            guard: EnergyGuard::new(
+                Watching { rule, stride, warns_above, watches_motion },
+                method.order,
+                &first,
+                resolution,
+            ),
             momentum: MomentumLedger::new(&simulation, &first),
             pitch: PitchFinder::new(scene.node_probes()),
             estimator,
@@ -297,7 +303,12 @@ impl Run {
         let begin = Instant::now();
         let every = self.simulation.scene().output.history;
         let row_is_due = self.simulation.is_done() || (every > 0 && step.is_multiple_of(every));
-        if row_is_due || self.observers.guard.is_due(step) || self.observers.guard.doubts(&stepped) {
+        let guard = &self.observers.guard;
+        if row_is_due
+            || guard.is_due(step)
+            || guard.doubts(&stepped)
+            || guard.suspects(|| self.simulation.kinetic_energy())
+        {
             let seen = self.simulation.observe();
             if !seen.is_finite() {
                 return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };

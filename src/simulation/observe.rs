@@ -1,10 +1,10 @@
 //! Observations of a simulation: energies, momenta, probes and nodal quantities, and the cause if they are not
 //! finite.
 
-use vi_core::{HessianKind, Potential, angular_momentum_at, kinetic_energy, linear_momentum};
+use vi_core::{HessianKind, Potential, State, System, angular_momentum_at, linear_momentum};
 use vi_fem::{ElementField, Law, element_field};
 use vi_mesh::{Mesh, Window};
-use vi_solvers::{Assembler, SolverError};
+use vi_solvers::{Assembler, SolverError, Stepper};
 
 use super::contact::ContactTotals;
 use super::{Component, ContactFacts, Simulation};
@@ -79,7 +79,23 @@ impl OfNodes<'_> {
     }
 }
 
+/// Returns the kinetic energy, J, from the velocities of the scheme if it has its own.
+fn kinetic(stepper: Option<&dyn Stepper>, system: &System, state: &State) -> f64 {
+    match stepper.and_then(|stepper| stepper.velocity(state)) {
+        Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
+        None => vi_core::kinetic_energy(system, state),
+    }
+}
+
 impl Simulation {
+    /// Returns the current kinetic energy, J. It costs no evaluation of V.
+    pub(crate) fn kinetic_energy(&self) -> f64 {
+        let of = |component: &Component| {
+            kinetic(component.stepper.as_deref(), &component.system, &component.state)
+        };
+        self.components.iter().map(of).sum()
+    }
+
     /// Returns the current energies, momenta and probes. It costs one energy evaluation.
     pub fn observe(&mut self) -> Observation {
         let mut seen =
@@ -100,11 +116,7 @@ impl Simulation {
             if let (Some(facts), Some(contact)) = (&mut seen.contact_facts, contact) {
                 facts.add(contact, &x);
             }
-            let known = stepper.as_ref().and_then(|stepper| stepper.velocity(state));
-            seen.kinetic += match known {
-                Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
-                None => kinetic_energy(system, state),
-            };
+            seen.kinetic += kinetic(stepper.as_deref(), system, state);
             let (linear, angular) = (linear_momentum(system, state), angular_momentum_at(system, state, &x));
             for k in 0..3 {
                 seen.momentum[k] += linear[k];
