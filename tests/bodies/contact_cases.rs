@@ -413,3 +413,36 @@ sum = "contact_force"
     // The layer is entered before the wall is reached, at a speed of 1.241 m/s.
     assert!((p[last + 1] / -p[first - 1] - 1.0).abs() < 0.01, "{} {}", p[last + 1], p[first - 1]);
 }
+
+/// A block without weight that starts at rest in the layer of a floor. Nothing moves it but the layer, which gives it all of its energy.
+#[test]
+fn a_block_at_rest_in_a_layer_is_pushed_out_of_it() {
+    for (scheme, error) in [("stormer-verlet", 1e-3), ("energy-momentum", 1e-9)] {
+        let run = Program::run(&format!(
+            r#"
+[time]
+end = 0.02
+step = 1e-4
+scheme = "{scheme}"
+[contact]
+distance = 2e-3
+[[body]]
+name = "block"
+box = {{ size = [0.1, 0.1, 0.1], cells = [2, 2, 2], element = "tet4", origin = [0, 0, 1e-3] }}
+material = {{ law = "linear", young = 1e5, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+"#
+        ))
+        .history();
+        let stored = run.first("contact");
+        assert!(stored > 0.0 && run.first("kinetic") == 0.0 && run.last("contact") == 0.0, "{scheme}");
+        let freed = run.last("total");
+        assert!((freed / stored - 1.0).abs() < error, "{scheme}: {freed} of {stored}");
+        let momentum = run.last("pz");
+        // Kinetic energy of the motion as a whole is a part of all energy.
+        assert!(momentum > 0.0 && momentum * momentum / 2.0 < stored, "{scheme}: {momentum}");
+    }
+}

@@ -160,6 +160,11 @@ impl Lists {
         &self.step.terms
     }
 
+    /// Returns the least reach that a term requests, m: a fraction of its activation distance.
+    pub(super) fn reach(&self) -> f64 {
+        self.live.iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
+    }
+
     /// Returns whether no term has a candidate.
     pub(super) fn is_empty(&self) -> bool {
         self.count() == 0
@@ -203,7 +208,7 @@ impl Lists {
     /// Chooses the list of a step, and the larger lists if they are not valid there.
     fn choose(&mut self, step: Tube) {
         if !self.inner.tube.contains_tube(&step) {
-            let asked = self.live.iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min);
+            let asked = self.reach();
             let reach = step.reach.iter().map(|reach| (SPARE * reach).max(INNER_REACH * asked)).collect();
             let inner = Tube { start: step.start.clone(), motion: step.motion.clone(), reach };
             if !self.outer.tube.contains_tube(&inner) {
