@@ -85,6 +85,8 @@ DRUM = dict(radius=0.3, edge=0.028)
 BALL = dict(edge=0.42)
 # A strap over a cylinder with a horizontal axis, and its two hanging ends.
 STRAP = dict(radius=0.1008, hanging=0.4, width=0.05, cells=(48, 50, 2))
+# A thinner layer and shorter ends: friction acts at the radius .1, tension nearly there.
+CAPSTAN = dict(radius=0.1003, hanging=0.1, width=0.05, cells=(48, 12, 1))
 # A bolt for the pin hole of the bracket, with its axis along x.
 BOLT = dict(diameter=15.8 * MM, length=24.0 * MM, head=24.0 * MM, head_length=6.0 * MM, edge=3.0 * MM)
 # An input deck of Abaqus and CalculiX, in millimetres as these have it.
@@ -637,17 +639,17 @@ def bolt(path):
     finish(path)
 
 
-def strap(path):
+def strap(path, p):
     """A strip over the upper half of a cylinder about the axis y, and straight down on both sides, as OBJ."""
     path = path.with_suffix(".obj")
-    around, along, across = STRAP["cells"]
-    radius, hanging = STRAP["radius"], STRAP["hanging"]
+    around, along, across = p["cells"]
+    radius, hanging = p["radius"], p["hanging"]
     down = [hanging * (1 - k / along) for k in range(along)]
     arc = [math.pi * (1 - k / around) for k in range(around + 1)]
     line = [(-radius, -z) for z in down] + [(radius * math.cos(a), radius * math.sin(a)) for a in arc]
     line += [(radius, -z) for z in reversed(down)]
-    rows = [STRAP["width"] * (j / across - 0.5) for j in range(across + 1)]
-    lines = ["# made by meshes/make.py", "o strap"]
+    rows = [p["width"] * (j / across - 0.5) for j in range(across + 1)]
+    lines = ["# made by meshes/make.py", f"o {path.stem}"]
     lines += [f"v {x:.9f} {y:.9f} {z:.9f}" for y in rows for x, z in line]
     at = lambda i, j: i + j * len(line) + 1
     for j in range(across):
@@ -796,7 +798,8 @@ def main():
         "ball": ball,
         "drum": drum,
         "bolt": bolt,
-        "strap": strap,
+        "strap": lambda path: strap(path, STRAP),
+        "capstan": lambda path: strap(path, CAPSTAN),
     }
     parser = argparse.ArgumentParser(description="Makes the meshes of this directory.")
     parser.add_argument("--only", choices=made, help="make this one alone")
