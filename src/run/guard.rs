@@ -59,6 +59,9 @@ struct Watched {
 
 record!(Watched { growth: Growth, events: Option<Vec<GuardEvent>> });
 
+/// Kinetic energy relative to the exchange above which a guard that watches the motion observes. A body that falls from rest is
+/// observed some thirty times, because its exchange grows.
+const SUSPICIOUS: f64 = 1.1;
 /// Number of steps between states that a guard can go back to.
 pub(super) const STRIDE: u64 = 16;
 
@@ -66,11 +69,11 @@ pub(super) const STRIDE: u64 = 16;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Watching {
     pub(crate) rule: Guard,
-    /// Steps between observations, if it may act.
+    /// Steps between observations, or between looks at the kinetic energy, if it may act.
     pub(crate) stride: u64,
     /// Relative growth of which it warns.
     pub(crate) warns_above: f64,
-    /// Whether it also observes after each step after which the kinetic energy is suspicious.
+    /// Whether it looks at the kinetic energy first, and observes only if that is suspicious.
     pub(crate) watches_motion: bool,
 }
 
@@ -100,22 +103,27 @@ impl EnergyGuard {
         Self { rule, stride, warns_above, watches_motion, growth, events: Vec::new(), resolution, grace }
     }
 
-    /// Returns whether the guard must observe after this step in order to act.
+    /// Returns whether the guard looks at the state after this step in order to act.
     pub(crate) fn is_due(&self, step: u64) -> bool {
         self.rule.acts() && step.is_multiple_of(self.stride)
+    }
+
+    /// Returns whether the guard must observe after a step at which it is due, given the `kinetic` energy (J).
+    ///
+    /// Kinetic energy that exceeds what was exchanged until the last observation is suspicious. It costs far less than an observation,
+    /// and grows with all energy if a step is unstable.
+    pub(crate) fn suspects(&self, kinetic: impl FnOnce() -> f64) -> bool {
+        if !self.watches_motion {
+            return true;
+        }
+        let kinetic = kinetic();
+        kinetic.is_nan() || kinetic > SUSPICIOUS * self.growth.exchange
     }
 
     /// Returns whether the guard must observe after this step because it was divided: then energy may grow by many times the
     /// exchange within a few steps, at the highest price.
     pub(crate) fn doubts(&self, stepped: &Stepped) -> bool {
         self.rule.acts() && stepped.substeps > 0
-    }
-
-    /// Returns whether the guard must observe because the `kinetic` energy (J) exceeds what was exchanged until its last
-    /// observation. Kinetic energy costs far less than an observation. The energy of an unstable explicit step grows tenfold and more
-    /// in each step, and the first step with contact at such velocities takes minutes and a gigabyte: all pairs are then candidates.
-    pub(crate) fn suspects(&self, kinetic: impl FnOnce() -> f64) -> bool {
-        self.watches_motion && self.rule.acts() && kinetic() > (1.0 + self.rule.bound) * self.growth.exchange
     }
 
     /// Returns whether a state to go back to is kept after this step.
