@@ -185,11 +185,12 @@ impl Pace {
     /// Keeps the length of a trial if it is cheaper than the original one; otherwise returns to that.
     fn judge(&mut self) {
         let pays = self.rate() < self.origin_rate;
-        let is_longer = self.size > self.origin;
-        if is_longer {
+        let patience = if self.size > self.origin {
             self.assign_patience();
-        }
-        let patience = if is_longer { &mut self.longer } else { &mut self.shorter };
+            &mut self.longer
+        } else {
+            &mut self.shorter
+        };
         *patience = if pays { (*patience / 2).max(PATIENCE[0]) } else { (2 * *patience).min(PATIENCE[1]) };
         let origin = std::mem::take(&mut self.origin);
         self.since = 0;

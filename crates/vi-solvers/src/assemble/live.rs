@@ -24,6 +24,7 @@ use near::Near;
 
 pub(crate) use near::END_PER_STAGE;
 pub(crate) use state::LiveState;
+pub(crate) use stencils::shortest_reach;
 
 /// The sum of the live terms of a list.
 pub(crate) struct LiveSum {

@@ -108,6 +108,11 @@ impl LiveSum {
 
     /// Returns the shortest reach of the terms, m.
     pub(crate) fn shortest_reach(&self) -> f64 {
-        self.terms.live().iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
+        shortest_reach(self.terms.live())
     }
+}
+
+/// Returns the shortest reach of live terms, m; infinite without terms.
+pub(crate) fn shortest_reach(live: &[Arc<dyn Live>]) -> f64 {
+    live.iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
 }

@@ -159,7 +159,8 @@ impl Touching {
         may_divide: bool,
     ) -> Result<bool, SolverError> {
         // The end of the step is still that of the free drift.
-        let (longest, tolerance) = (FARTHEST * self.farthest().max(self.lists.reach()), self.tolerance);
+        let longest = FARTHEST * self.farthest().max(self.lists.shortest_reach());
+        let tolerance = self.tolerance;
         let mut drift =
             Drift { touching: self, system, state, h, longest, iterations: 0, is_free: false, acts: true };
         let (start, most) = (Start::Inertial, MOST_ITERATIONS);

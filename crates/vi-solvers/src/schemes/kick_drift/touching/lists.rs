@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use vi_core::{Live, Potential, Tube};
 
+use crate::assemble::live::shortest_reach;
 use crate::memory::StepperMemory;
 
 /// Least and largest number of steps for which an outer list is planned, and their ratio to the number of steps that the
@@ -160,9 +161,9 @@ impl Lists {
         &self.step.terms
     }
 
-    /// Returns the least reach that a term requests, m: a fraction of its activation distance.
-    pub(super) fn reach(&self) -> f64 {
-        self.live.iter().map(|term| term.reach()).fold(f64::INFINITY, f64::min)
+    /// Returns the shortest reach of the terms, m: a fraction of their activation distance.
+    pub(super) fn shortest_reach(&self) -> f64 {
+        shortest_reach(&self.live)
     }
 
     /// Returns whether no term has a candidate.
@@ -208,7 +209,7 @@ impl Lists {
     /// Chooses the list of a step, and the larger lists if they are not valid there.
     fn choose(&mut self, step: Tube) {
         if !self.inner.tube.contains_tube(&step) {
-            let asked = self.reach();
+            let asked = self.shortest_reach();
             let reach = step.reach.iter().map(|reach| (SPARE * reach).max(INNER_REACH * asked)).collect();
             let inner = Tube { start: step.start.clone(), motion: step.motion.clone(), reach };
             if !self.outer.tube.contains_tube(&inner) {
