@@ -7,6 +7,7 @@
 mod acting;
 mod book;
 mod damping;
+mod listed;
 mod rolling;
 mod sliding;
 mod step;
@@ -27,8 +28,10 @@ use crate::ccd::Impact;
 use crate::distance::at;
 use crate::error::ContactError;
 use crate::friction::Step;
-use crate::pairs::{ActivePair, Contact, Group};
+use crate::pairs::Contact;
 use crate::surface::{Gauge, Surface};
+
+use listed::Located;
 
 /// Sizes of the gradient and of the packed Hessian of a stencil.
 const SIZE: usize = 12;
@@ -278,35 +281,6 @@ impl ContactPotential {
         self.neighbours.starts[point] as usize + cells.binary_search(&cell).unwrap_or(0)
     }
 
-    /// Calls `each` with the acting pairs of the stencils in `range`, and the places of their nodes in the stencil.
-    fn for_each(&self, range: Range<usize>, x: &[f64], mut each: impl FnMut(usize, &ActivePair, [usize; 4])) {
-        let contact = self.contact();
-        let cells = self.neighbours.cells.len();
-        let (mut group, mut pairs) = (Group::new(), Vec::new());
-        for point in self.points_from(&range) {
-            pairs.clear();
-            contact.active_at_point(point, x, &mut group, &mut pairs);
-            for pair in &pairs {
-                let stencil = self.candidate(point, pair.cell);
-                if range.contains(&stencil) {
-                    each(stencil, pair, self.places(stencil, &pair.nodes));
-                }
-            }
-        }
-        for stencil in range.start.max(cells)..range.end {
-            let number = stencil - cells;
-            let edges = self.neighbours.edges.len();
-            let pair = if number < edges {
-                contact.active_edges(number, x)
-            } else {
-                contact.active_plane(number - edges, x)
-            };
-            if let Some(pair) = pair {
-                each(stencil, &pair, [0, 1, 2, 3]);
-            }
-        }
-    }
-
     fn of(&self, stencil: usize) -> &[u32] {
         &self.nodes()[4 * stencil..4 * stencil + 4]
     }
@@ -315,25 +289,6 @@ impl ContactPotential {
     fn places(&self, stencil: usize, of: &[u32; 4]) -> [usize; 4] {
         let nodes = self.of(stencil);
         of.map(|node| nodes.iter().position(|&other| other == node).unwrap_or(0))
-    }
-
-    /// Adds packed blocks of pairs to packed blocks of stencils.
-    fn add_blocks(
-        &self,
-        range: Range<usize>,
-        x: &[f64],
-        out: &mut [f64],
-        block: impl Fn(&ActivePair, &mut [f64]),
-    ) {
-        out.fill(0.0);
-        let first = range.start;
-        self.for_each(range, x, |stencil, pair, places| {
-            let size = 3 * pair.shape.arity();
-            let mut local = [0.0; PACKED];
-            block(pair, &mut local[..packed_len(size)]);
-            let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
-            add_packed(&local, size, places, out);
-        });
     }
 }
 
@@ -375,28 +330,23 @@ impl Potential for ContactPotential {
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        out.fill(0.0);
-        let first = range.start;
-        self.for_each(range, x, |stencil, pair, _| out[stencil - first] += pair.energy);
+        listed::write_energies(&self.listed(&range, x), range.start, out);
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        out.fill(0.0);
-        let first = range.start;
-        self.for_each(range, x, |stencil, pair, places| {
-            let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
-            for (place, gradient) in places.into_iter().zip(pair.gradient(x)).take(pair.shape.arity()) {
-                (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
-            }
-        });
+        listed::write_gradients(&self.listed(&range, x), range.start, x, out);
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.add_blocks(range, x, out, |pair, block| pair.hessian(x, block));
+        listed::write_hessians(&self.listed(&range, x), range.start, x, out);
     }
 
     fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.add_blocks(range, x, out, |pair, block| pair.stiffness(block));
+        listed::write_projected_hessians(&self.listed(&range, x), range.start, out);
+    }
+
+    fn at(&self, x: &[f64]) -> Option<Arc<dyn Potential>> {
+        Some(Arc::new(Located::new(self.clone(), x)))
     }
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
@@ -429,13 +379,9 @@ impl Potential for ContactPotential {
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
-        let mut fault = None;
-        self.for_each(stencil..stencil + 1, x, |_, pair, _| {
-            if !pair.energy.is_finite() {
-                let domain = "must be positive";
-                fault = Some(Fault { element: stencil, quantity: "contact gap", value: pair.gap, domain });
-            }
-        });
-        fault
+        let listed = self.listed(&(stencil..stencil + 1), x);
+        let fault = listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?;
+        let domain = "must be positive";
+        Some(Fault { element: stencil, quantity: "contact gap", value: fault.pair.gap, domain })
     }
 }

@@ -260,13 +260,23 @@ fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
     }
     let largest = gradients.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
     assert!(sum.iter().all(|rest| rest.abs() <= 1e-12 * largest));
+    let mut projected = vec![0.0; 78 * count];
+    potential.projected_hessians(0..count, &x, 0.0, &mut projected);
+    let there = potential.at(&x).expect("the stencils of a point have work in common");
     for range in [0..1, 3..17, count - 30..count, count / 2..count / 2 + 1] {
-        let mut part = vec![0.0; 12 * range.len()];
-        potential.gradients(range.clone(), &x, 0.0, &mut part);
-        assert_eq!(part, gradients[12 * range.start..12 * range.end]);
-        let mut part = vec![0.0; 78 * range.len()];
-        potential.hessians(range.clone(), &x, 0.0, &mut part);
-        assert_eq!(part, hessians[78 * range.start..78 * range.end]);
+        for potential in [&potential as &dyn Potential, there.as_ref()] {
+            let mut part = vec![0.0; range.len()];
+            potential.energies(range.clone(), &x, 0.0, &mut part);
+            assert_eq!(part, energies[range.clone()]);
+            let mut part = vec![0.0; 12 * range.len()];
+            potential.gradients(range.clone(), &x, 0.0, &mut part);
+            assert_eq!(part, gradients[12 * range.start..12 * range.end]);
+            let mut part = vec![0.0; 78 * range.len()];
+            potential.hessians(range.clone(), &x, 0.0, &mut part);
+            assert_eq!(part, hessians[78 * range.start..78 * range.end]);
+            potential.projected_hessians(range.clone(), &x, 0.0, &mut part);
+            assert_eq!(part, projected[78 * range.start..78 * range.end]);
+        }
     }
     let down: Vec<f64> = (0..x.len()).map(|k| if k % 3 == 2 && k < 108 { 1.0 } else { 0.0 }).collect();
     let (free, step) = (potential.free_path(&x, &down), potential.largest_step(&x, &down));

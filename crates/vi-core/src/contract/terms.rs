@@ -90,6 +90,18 @@ impl Terms {
         &self.live
     }
 
+    /// Returns a copy that may be evaluated at positions `x` (m, all coordinates) only, with less work ([`Potential::at`]); `None`
+    /// if no fixed term provides it.
+    pub fn at(&self, x: &[f64]) -> Option<Self> {
+        let mut located: Option<Self> = None;
+        for (number, term) in self.fixed.iter().enumerate() {
+            if let Some(term) = term.at(x) {
+                located.get_or_insert_with(|| self.clone()).fixed[number] = term;
+            }
+        }
+        located
+    }
+
     /// Returns a copy for positions near `x` (m, all coordinates), in which potentials replace the live terms.
     ///
     /// # Errors

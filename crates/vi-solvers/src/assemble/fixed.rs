@@ -107,7 +107,8 @@ impl FixedSum {
         match &mut self.gradient {
             GradientSum::Here(gather) => {
                 self.work.gradients += 1;
-                gather.gradient(&self.terms, x, t, out);
+                let located = self.terms.at(x);
+                gather.gradient(located.as_ref().unwrap_or(&self.terms), x, t, out);
                 self.terms.coordinates().pull_back(out);
             }
             GradientSum::Shared(_) => {
@@ -153,7 +154,8 @@ impl FixedSum {
         let Self { terms, block, hessian, work, .. } = self;
         let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, *block));
         work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
-        if hessian.evaluate(terms, x, t, kind) {
+        let located = terms.at(x);
+        if hessian.evaluate(located.as_ref().unwrap_or(terms), x, t, kind) {
             work.hessians += 1;
         }
         hessian.matrix()
