@@ -186,6 +186,9 @@ impl LiveSum {
 
     /// Adds G(start, end) of the terms that act by a discrete gradient.
     pub(crate) fn add_discrete_gradient(&mut self, start: &[f64], end: &[f64], out: &mut [f64]) {
+        if !self.splits {
+            return;
+        }
         self.follow(start, Some(end));
         self.place(start, end);
         let Self { near, buffer, pair, .. } = self;

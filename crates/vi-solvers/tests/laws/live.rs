@@ -200,6 +200,24 @@ fn a_far_correction_asks_for_near_stencils() {
     assert!(*floor.1.lock().unwrap() < 2.0, "{:?}", floor.1);
 }
 
+/// A scheme that acts by the gradient of live terms requests stencils where it evaluates them, and not between the ends of earlier
+/// steps: a band that folds needs less than two requests per step, however many iterations a step takes.
+#[test]
+fn a_scheme_without_discrete_gradients_requests_few_stencils() {
+    const STEPS: usize = 40;
+    let mut iterations = 0;
+    let live = Arc::new(Repulsion { distance: 0.5, ..Repulsion::new(20, true) });
+    let (system, x) = strip(false, Vec::new());
+    let system = system.with_live(vec![Arc::clone(&live) as Arc<dyn Live>]);
+    let mut state = system.state(0.0, &x, &folding(&x)).unwrap();
+    let mut stepper = stepper(&Method::BackwardEuler, &system, &OPTIONS).unwrap();
+    for _ in 0..STEPS {
+        iterations += stepper.step(&system, &mut state, 0.05).unwrap().iterations;
+    }
+    let calls = live.calls.load(Ordering::Relaxed);
+    assert!(calls as usize <= 2 * STEPS, "{calls} requests in {iterations} iterations");
+}
+
 /// Ordering and layout are computed once, and again only when a pair comes close that was not among the stencils
 /// before.
 #[test]
