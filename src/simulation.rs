@@ -227,7 +227,7 @@ impl Simulation {
                 None
             });
             let keeps_ledger = options.ledger;
-            let has_domain = has_domain(&system) || !system.terms().live().is_empty();
+            let has_domain = has_domain(&system);
             components.push(Component {
                 system,
                 state,

@@ -239,10 +239,10 @@ fn joins_steps(component: &Component) -> bool {
     })
 }
 
-/// Checks that all terms have a finite energy at a state.
+/// Checks that all terms have a finite energy at a state. The step to it had a free path.
 fn accepts(assembler: &mut Assembler, system: &System, state: &State) -> Result<(), SolverError> {
     let x = system.positions(state);
-    if assembler.energies(&x, state.t).total().is_finite() {
+    if assembler.is_in_domain_after_free_path(&x, state.t) {
         return Ok(());
     }
     Err(match assembler.fault(&x, state.t) {

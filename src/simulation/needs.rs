@@ -6,9 +6,12 @@ use vi_solvers::{Method, SolverError};
 
 use crate::scene::{Problem, Scene};
 
-/// Returns whether a configuration can lie outside the domain of a term. This is so if the first stencil has no
-/// finite energy when all its nodes coincide.
+/// Returns whether the end of a free path can lie outside the domain of a term. This is so for a fixed term if its first stencil has
+/// no finite energy when all its nodes coincide.
 pub(super) fn has_domain(system: &System) -> bool {
+    if system.terms().live().iter().any(|term| !term.is_finite_on_free_paths()) {
+        return true;
+    }
     let collapsed = vec![0.0; system.coordinates().dof_count()];
     system.potentials().iter().any(|term| {
         let mut energy = [0.0];

@@ -154,6 +154,10 @@ impl Live for ContactTerm {
     fn lists_pairs(&self) -> bool {
         true
     }
+
+    fn is_finite_on_free_paths(&self) -> bool {
+        true
+    }
 }
 
 /// The contact energy at all configurations near a given one.

@@ -51,6 +51,10 @@ impl Live for RollingTerm {
     fn lists_pairs(&self) -> bool {
         true
     }
+
+    fn is_finite_on_free_paths(&self) -> bool {
+        true
+    }
 }
 
 /// A stencil: a pair with possible friction, and its place in the lists of the contact.

@@ -146,6 +146,12 @@ pub trait Live: Send + Sync {
     fn lists_pairs(&self) -> bool {
         false
     }
+
+    /// Returns whether its energy is finite at the end of every path on which nothing meets
+    /// ([`Potential::meetings`]). The end of such a path need not be evaluated to know this.
+    fn is_finite_on_free_paths(&self) -> bool {
+        false
+    }
 }
 
 /// Checks that a term fits these coordinates.

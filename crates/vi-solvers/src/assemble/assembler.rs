@@ -57,6 +57,14 @@ impl Assembler {
         energies
     }
 
+    /// Returns whether the terms that may leave their domain on a free path have finite energies: all fixed terms, and the live
+    /// ones that are not [finite there](vi_core::Live::is_finite_on_free_paths).
+    pub fn is_in_domain_after_free_path(&mut self, x: &[f64], t: f64) -> bool {
+        let is_safe = self.terms().live().iter().all(|term| term.is_finite_on_free_paths());
+        let energies = if is_safe { self.fixed.energies(x, t) } else { self.energies(x, t) };
+        energies.total().is_finite()
+    }
+
     /// Writes ∂V/∂x of every coordinate, N, pulled back from tied nodes (whose entries are zero). It is not finite if
     /// x is outside the domain of a term.
     ///

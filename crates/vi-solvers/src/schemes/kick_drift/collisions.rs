@@ -78,6 +78,10 @@ impl Live for InDrift {
     fn lists_pairs(&self) -> bool {
         self.0.lists_pairs()
     }
+
+    fn is_finite_on_free_paths(&self) -> bool {
+        self.0.is_finite_on_free_paths()
+    }
 }
 
 /// A potential without stencils.
