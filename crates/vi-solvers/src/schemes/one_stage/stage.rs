@@ -278,9 +278,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn shorten_start(&mut self, system: &System, evaluator: &mut Evaluator) {
-        let coordinates = system.coordinates();
-        let is_in_space = coordinates.dof_count().is_multiple_of(3);
-        if coordinates.is_moving() && is_in_space && evaluator.has_live() {
+        if system.coordinates().dof_count().is_multiple_of(3) && evaluator.has_live() {
             return self.shorten_way(evaluator);
         }
         // The path leads from the beginning of the step to the start of the iteration.
