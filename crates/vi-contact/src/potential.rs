@@ -345,10 +345,6 @@ impl Potential for ContactPotential {
         listed::write_hessians(&self.listed(&range, x), range.start, x, out);
     }
 
-    fn projected_hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        listed::write_projected_hessians(&self.listed(&range, x), range.start, out);
-    }
-
     fn at(&self, x: &[f64]) -> Option<Arc<dyn Potential>> {
         Some(Arc::new(Located::new(self.clone(), x)))
     }

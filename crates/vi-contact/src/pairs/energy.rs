@@ -155,12 +155,6 @@ impl ActivePair {
             }
         }
     }
-
-    /// Writes a positive semidefinite part for Newton methods, max(C'', 0) c cᵀ ⊗ n nᵀ, packed like the Hessian.
-    pub fn stiffness(&self, out: &mut [f64]) {
-        let normal = self.closest.vector / self.closest.distance();
-        pack_rank_one(self.curvature.max(0.0), &self.closest.weights, normal, 3 * self.shape.arity(), out);
-    }
 }
 
 /// Writes k (c ⊗ n)(c ⊗ n)ᵀ as a packed lower triangle.

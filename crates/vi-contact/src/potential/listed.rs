@@ -72,25 +72,11 @@ pub(super) fn write_gradients(listed: &[Listed], first: usize, x: &[f64], out: &
 
 /// Writes the packed Hessians at x of the stencils from `first` on.
 pub(super) fn write_hessians(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
-    write_blocks(listed, first, out, |pair, block| pair.hessian(x, block));
-}
-
-/// Writes positive semidefinite parts of the packed Hessians of the stencils from `first` on.
-pub(super) fn write_projected_hessians(listed: &[Listed], first: usize, out: &mut [f64]) {
-    write_blocks(listed, first, out, ActivePair::stiffness);
-}
-
-fn write_blocks(
-    listed: &[Listed],
-    first: usize,
-    out: &mut [f64],
-    block_of: impl Fn(&ActivePair, &mut [f64]),
-) {
     out.fill(0.0);
     for Listed { stencil, places, pair } in listed {
         let size = 3 * pair.shape.arity();
         let mut block = [0.0; PACKED];
-        block_of(pair, &mut block[..packed_len(size)]);
+        pair.hessian(x, &mut block[..packed_len(size)]);
         let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
         add_packed(&block, size, *places, out);
     }
@@ -145,10 +131,6 @@ impl Potential for Located {
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
         write_hessians(self.of(&range), range.start, x, out);
-    }
-
-    fn projected_hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
-        write_projected_hessians(self.of(&range), range.start, out);
     }
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {

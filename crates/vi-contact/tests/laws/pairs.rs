@@ -262,6 +262,21 @@ fn the_potential_of_candidates_is_the_sum_over_acting_pairs() {
     assert!(sum.iter().all(|rest| rest.abs() <= 1e-12 * largest));
     let mut projected = vec![0.0; 78 * count];
     potential.projected_hessians(0..count, &x, 0.0, &mut projected);
+    // It is the positive part: neither negative nor less than the Hessian in any direction.
+    let mut numbers = Numbers::new(4);
+    for (projected, hessian) in projected.chunks(78).zip(hessians.chunks(78)) {
+        let v: Vec<f64> = (0..12).map(|_| numbers.unit() - 0.5).collect();
+        let form = |packed: &[f64]| -> f64 {
+            let entries = (0..12).flat_map(|i| (0..=i).map(move |j| (i, j)));
+            let terms = entries
+                .zip(packed)
+                .map(|((i, j), entry)| entry * v[i] * v[j] * if i == j { 1.0 } else { 2.0 });
+            terms.sum()
+        };
+        let (positive, exact) = (form(projected), form(hessian));
+        let size = hessian.iter().fold(0.0_f64, |size, entry| size.max(entry.abs()));
+        assert!(positive >= exact.max(0.0) - 1e-12 * size, "{positive} {exact} of {size}");
+    }
     let there = potential.at(&x).expect("the stencils of a point have work in common");
     for range in [0..1, 3..17, count - 30..count, count / 2..count / 2 + 1] {
         for potential in [&potential as &dyn Potential, there.as_ref()] {
