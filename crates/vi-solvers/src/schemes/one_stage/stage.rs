@@ -296,13 +296,17 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator) -> f64 {
+        // Of a correction that is longer than any sensible motion, only a part is examined and made.
+        let length = vectors::max_abs(self.stage.correction.len(), |k| self.stage.correction[k]);
+        let sensible = (self.longest_correction(evaluator) / length).min(1.0);
         let Self { rule, stage, .. } = self;
         let reached = std::mem::take(&mut stage.w);
         stage.w = stage.base.clone();
         let correction = std::mem::take(&mut stage.correction);
-        let part = stage.largest_step(system, *rule, evaluator, &correction);
+        let change: Vec<f64> = correction.iter().map(|delta| sensible * delta).collect();
+        let part = stage.largest_step(system, *rule, evaluator, &change);
         (stage.w, stage.correction) = (reached, correction);
-        part
+        sensible * part
     }
 
     fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
