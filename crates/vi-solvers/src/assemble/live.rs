@@ -207,6 +207,11 @@ impl LiveSum {
     /// Returns whether any pair is near a step from `start` to `end`.
     pub(crate) fn has_candidates(&mut self, start: &[f64], end: &[f64]) -> bool {
         self.follow(start, Some(end));
+        self.has_pairs_near()
+    }
+
+    /// Returns whether any pair is near the last configuration.
+    pub(crate) fn has_pairs_near(&self) -> bool {
         let near = self.near.as_ref();
         near.is_some_and(|near| near.discrete.iter().any(|(_, term)| term.stencil_count() > 0))
     }

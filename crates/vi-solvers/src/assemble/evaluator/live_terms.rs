@@ -142,6 +142,11 @@ impl Evaluator {
         self.ends.as_ref()
     }
 
+    /// Returns whether pairs are near the last configuration.
+    pub(crate) fn has_pairs_near(&self) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.has_pairs_near())
+    }
+
     /// Returns how often live terms have searched for their stencils.
     pub(crate) fn searches(&self) -> u64 {
         self.assembler.shared_live().map_or(0, |live| live.counts()[0])
