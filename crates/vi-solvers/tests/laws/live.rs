@@ -215,7 +215,7 @@ fn a_scheme_without_discrete_gradients_requests_few_stencils() {
         iterations += stepper.step(&system, &mut state, 0.05).unwrap().iterations;
     }
     let calls = live.calls.load(Ordering::Relaxed);
-    assert!(calls as usize <= 2 * STEPS, "{calls} requests in {iterations} iterations");
+    assert!(calls <= 2 * STEPS, "{calls} requests in {iterations} iterations");
 }
 
 /// Ordering and layout are computed once, and again only when a pair comes close that was not among the stencils
