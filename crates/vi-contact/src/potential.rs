@@ -31,8 +31,6 @@ use crate::friction::Step;
 use crate::pairs::Contact;
 use crate::surface::{Gauge, Surface};
 
-use listed::Located;
-
 /// Sizes of the gradient and of the packed Hessian of a stencil.
 const SIZE: usize = 12;
 const PACKED: usize = packed_len(SIZE);
@@ -334,19 +332,19 @@ impl Potential for ContactPotential {
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        listed::write_energies(&self.listed(&range, x), range.start, out);
+        self.write_energies(&range, x, out);
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        listed::write_gradients(&self.listed(&range, x), range.start, x, out);
+        self.write_gradients(&range, x, out);
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        listed::write_hessians(&self.listed(&range, x), range.start, x, out);
+        self.write_hessians(&range, x, out);
     }
 
     fn at(&self, x: &[f64]) -> Option<Arc<dyn Potential>> {
-        Some(Arc::new(Located::new(self.clone(), x)))
+        Some(self.located(x))
     }
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
@@ -379,9 +377,8 @@ impl Potential for ContactPotential {
     }
 
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
-        let listed = self.listed(&(stencil..stencil + 1), x);
-        let fault = listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?;
-        let domain = "must be positive";
-        Some(Fault { element: stencil, quantity: "contact gap", value: fault.pair.gap, domain })
+        let (quantity, domain) = ("contact gap", "must be positive");
+        let value = self.closed_gap(stencil, x)?;
+        Some(Fault { element: stencil, quantity, value, domain })
     }
 }

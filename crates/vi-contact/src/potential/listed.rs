@@ -11,16 +11,16 @@ use crate::pairs::{ActivePair, Group, in_order};
 
 /// A pair that acts.
 #[derive(Debug, Clone)]
-pub(super) struct Listed {
-    pub(super) stencil: usize,
+struct Listed {
+    stencil: usize,
     /// The places of the nodes of the pair in the stencil.
     places: [usize; 4],
-    pub(super) pair: ActivePair,
+    pair: ActivePair,
 }
 
 impl ContactPotential {
     /// Returns the pairs of the stencils in `range` that act at x, in the order of the stencils.
-    pub(super) fn listed(&self, range: &Range<usize>, x: &[f64]) -> Vec<Listed> {
+    fn listed(&self, range: &Range<usize>, x: &[f64]) -> Vec<Listed> {
         let contact = self.contact();
         let (cells, edges) = (self.neighbours.cells.len(), self.neighbours.edges.len());
         let points: Vec<usize> = self.points_from(range).collect();
@@ -51,16 +51,42 @@ impl ContactPotential {
         ));
         listed
     }
+
+    /// Writes the energies at x of the stencils in `range`.
+    pub(super) fn write_energies(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
+        write_energies(&self.listed(range, x), range.start, out);
+    }
+
+    /// Writes the gradients at x of the stencils in `range`.
+    pub(super) fn write_gradients(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
+        write_gradients(&self.listed(range, x), range.start, x, out);
+    }
+
+    /// Writes the packed Hessians at x of the stencils in `range`.
+    pub(super) fn write_hessians(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
+        write_hessians(&self.listed(range, x), range.start, x, out);
+    }
+
+    /// Returns the gap (m) of a pair of a stencil whose energy at x is not finite; `None` if all are.
+    pub(super) fn closed_gap(&self, stencil: usize, x: &[f64]) -> Option<f64> {
+        let listed = self.listed(&(stencil..stencil + 1), x);
+        Some(listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?.pair.gap)
+    }
+
+    /// Returns the contact energy at x.
+    pub(super) fn located(&self, x: &[f64]) -> Arc<dyn Potential> {
+        Arc::new(Located::new(self.clone(), x))
+    }
 }
 
 /// Writes the energies of the stencils from `first` on.
-pub(super) fn write_energies(listed: &[Listed], first: usize, out: &mut [f64]) {
+fn write_energies(listed: &[Listed], first: usize, out: &mut [f64]) {
     out.fill(0.0);
     listed.iter().for_each(|Listed { stencil, pair, .. }| out[stencil - first] += pair.energy);
 }
 
 /// Writes the gradients at x of the stencils from `first` on.
-pub(super) fn write_gradients(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
+fn write_gradients(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
     out.fill(0.0);
     for Listed { stencil, places, pair } in listed {
         let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
@@ -71,7 +97,7 @@ pub(super) fn write_gradients(listed: &[Listed], first: usize, x: &[f64], out: &
 }
 
 /// Writes the packed Hessians at x of the stencils from `first` on.
-pub(super) fn write_hessians(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
+fn write_hessians(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
     out.fill(0.0);
     for Listed { stencil, places, pair } in listed {
         let size = 3 * pair.shape.arity();
@@ -83,13 +109,13 @@ pub(super) fn write_hessians(listed: &[Listed], first: usize, x: &[f64], out: &m
 }
 
 /// The contact energy at one configuration.
-pub(super) struct Located {
+struct Located {
     contact: ContactPotential,
     listed: Vec<Listed>,
 }
 
 impl Located {
-    pub(super) fn new(contact: ContactPotential, x: &[f64]) -> Self {
+    fn new(contact: ContactPotential, x: &[f64]) -> Self {
         let listed = contact.listed(&(0..contact.neighbours.count()), x);
         Self { contact, listed }
     }
