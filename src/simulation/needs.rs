@@ -9,7 +9,7 @@ use crate::scene::{Problem, Scene};
 /// Returns whether the end of a free path can lie outside the domain of a term. This is so for a fixed term if its first stencil has
 /// no finite energy when all its nodes coincide.
 pub(super) fn has_domain(system: &System) -> bool {
-    if system.terms().live().iter().any(|term| !term.is_finite_on_free_paths()) {
+    if !system.terms().is_live_part_finite_on_free_paths() {
         return true;
     }
     let collapsed = vec![0.0; system.coordinates().dof_count()];

@@ -331,20 +331,20 @@ impl Potential for ContactPotential {
         Some(self.contact().energy(x))
     }
 
-    fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.write_energies(&range, x, out);
+    fn energies(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.located(&range, x).energies(range, x, t, out);
     }
 
-    fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.write_gradients(&range, x, out);
+    fn gradients(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.located(&range, x).gradients(range, x, t, out);
     }
 
-    fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        self.write_hessians(&range, x, out);
+    fn hessians(&self, range: Range<usize>, x: &[f64], t: f64, out: &mut [f64]) {
+        self.located(&range, x).hessians(range, x, t, out);
     }
 
     fn at(&self, x: &[f64]) -> Option<Arc<dyn Potential>> {
-        Some(self.located(x))
+        Some(Arc::new(self.located(&(0..self.stencil_count()), x)))
     }
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
@@ -376,9 +376,7 @@ impl Potential for ContactPotential {
         Some(Arc::new(self.narrowed_to(tube)))
     }
 
-    fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
-        let (quantity, domain) = ("contact gap", "must be positive");
-        let value = self.closed_gap(stencil, x)?;
-        Some(Fault { element: stencil, quantity, value, domain })
+    fn fault(&self, stencil: usize, x: &[f64], t: f64) -> Option<Fault> {
+        self.located(&(stencil..stencil + 1), x).fault(stencil, x, t)
     }
 }

@@ -2,9 +2,8 @@
 //! and a ball is a point that can have thousands of them: so the pairs are found once, not once for every batch of stencils.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use vi_core::{Account, DiscreteGradient, Fault, Meeting, Potential, Stencils, Traits, Tube, packed_len};
+use vi_core::{Account, Fault, Potential, Stencils, Traits, packed_len};
 
 use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::pairs::{ActivePair, Group, in_order};
@@ -52,74 +51,19 @@ impl ContactPotential {
         listed
     }
 
-    /// Writes the energies at x of the stencils in `range`.
-    pub(super) fn write_energies(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
-        write_energies(&self.listed(range, x), range.start, out);
-    }
-
-    /// Writes the gradients at x of the stencils in `range`.
-    pub(super) fn write_gradients(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
-        write_gradients(&self.listed(range, x), range.start, x, out);
-    }
-
-    /// Writes the packed Hessians at x of the stencils in `range`.
-    pub(super) fn write_hessians(&self, range: &Range<usize>, x: &[f64], out: &mut [f64]) {
-        write_hessians(&self.listed(range, x), range.start, x, out);
-    }
-
-    /// Returns the gap (m) of a pair of a stencil whose energy at x is not finite; `None` if all are.
-    pub(super) fn closed_gap(&self, stencil: usize, x: &[f64]) -> Option<f64> {
-        let listed = self.listed(&(stencil..stencil + 1), x);
-        Some(listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?.pair.gap)
-    }
-
-    /// Returns the contact energy at x.
-    pub(super) fn located(&self, x: &[f64]) -> Arc<dyn Potential> {
-        Arc::new(Located::new(self.clone(), x))
+    /// Returns the contact energy of the stencils in `range`, for evaluations at x.
+    pub(super) fn located(&self, range: &Range<usize>, x: &[f64]) -> impl Potential + use<> {
+        Located { contact: self.clone(), listed: self.listed(range, x) }
     }
 }
 
-/// Writes the energies of the stencils from `first` on.
-fn write_energies(listed: &[Listed], first: usize, out: &mut [f64]) {
-    out.fill(0.0);
-    listed.iter().for_each(|Listed { stencil, pair, .. }| out[stencil - first] += pair.energy);
-}
-
-/// Writes the gradients at x of the stencils from `first` on.
-fn write_gradients(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
-    out.fill(0.0);
-    for Listed { stencil, places, pair } in listed {
-        let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
-        for (place, gradient) in places.iter().zip(pair.gradient(x)).take(pair.shape.arity()) {
-            (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
-        }
-    }
-}
-
-/// Writes the packed Hessians at x of the stencils from `first` on.
-fn write_hessians(listed: &[Listed], first: usize, x: &[f64], out: &mut [f64]) {
-    out.fill(0.0);
-    for Listed { stencil, places, pair } in listed {
-        let size = 3 * pair.shape.arity();
-        let mut block = [0.0; PACKED];
-        pair.hessian(x, &mut block[..packed_len(size)]);
-        let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
-        add_packed(&block, size, *places, out);
-    }
-}
-
-/// The contact energy at one configuration.
+/// The contact energy of some stencils at one configuration.
 struct Located {
     contact: ContactPotential,
     listed: Vec<Listed>,
 }
 
 impl Located {
-    fn new(contact: ContactPotential, x: &[f64]) -> Self {
-        let listed = contact.listed(&(0..contact.neighbours.count()), x);
-        Self { contact, listed }
-    }
-
     fn of(&self, range: &Range<usize>) -> &[Listed] {
         let before = |stencil: usize| self.listed.partition_point(|listed| listed.stencil < stencil);
         &self.listed[before(range.start)..before(range.end)]
@@ -139,47 +83,40 @@ impl Potential for Located {
         self.contact.stencils()
     }
 
-    fn stencil_count(&self) -> usize {
-        self.contact.stencil_count()
-    }
-
     fn traits(&self) -> Traits {
         self.contact.traits()
     }
 
     fn energies(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
-        write_energies(self.of(&range), range.start, out);
+        out.fill(0.0);
+        self.of(&range).iter().for_each(|listed| out[listed.stencil - range.start] += listed.pair.energy);
     }
 
     fn gradients(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        write_gradients(self.of(&range), range.start, x, out);
+        out.fill(0.0);
+        for Listed { stencil, places, pair } in self.of(&range) {
+            let first = (stencil - range.start) * SIZE;
+            let out = &mut out[first..first + SIZE];
+            for (place, gradient) in places.iter().zip(pair.gradient(x)).take(pair.shape.arity()) {
+                (0..3).for_each(|k| out[3 * place + k] += gradient[k]);
+            }
+        }
     }
 
     fn hessians(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {
-        write_hessians(self.of(&range), range.start, x, out);
+        out.fill(0.0);
+        for Listed { stencil, places, pair } in self.of(&range) {
+            let size = 3 * pair.shape.arity();
+            let mut block = [0.0; PACKED];
+            pair.hessian(x, &mut block[..packed_len(size)]);
+            let first = (stencil - range.start) * PACKED;
+            add_packed(&block, size, *places, &mut out[first..first + PACKED]);
+        }
     }
 
-    fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
-        self.contact.discrete_gradient()
-    }
-
-    fn limits_steps(&self) -> bool {
-        self.contact.limits_steps()
-    }
-
-    fn largest_step(&self, x: &[f64], dx: &[f64]) -> f64 {
-        self.contact.largest_step(x, dx)
-    }
-
-    fn meetings(&self, x: &[f64], end: &[f64], kept: f64) -> Vec<Meeting> {
-        self.contact.meetings(x, end, kept)
-    }
-
-    fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {
-        self.contact.narrowed(tube)
-    }
-
-    fn fault(&self, stencil: usize, x: &[f64], t: f64) -> Option<Fault> {
-        self.contact.fault(stencil, x, t)
+    fn fault(&self, stencil: usize, _x: &[f64], _t: f64) -> Option<Fault> {
+        let listed = self.of(&(stencil..stencil + 1));
+        let value = listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?.pair.gap;
+        Some(Fault { element: stencil, quantity: "contact gap", value, domain: "must be positive" })
     }
 }

@@ -238,8 +238,8 @@ pub trait Potential: Send + Sync {
         None
     }
 
-    /// Returns a term with the stencils of this one and its values at positions `x`, and only there. A term returns one if its stencils
-    /// have work in common, which each batch of stencils would repeat otherwise.
+    /// Returns a term with the stencils of this one and its energies, gradients, Hessians and faults at positions `x`, and only there.
+    /// A term returns one if its stencils have work in common, which each batch of stencils would repeat otherwise.
     fn at(&self, _x: &[f64]) -> Option<Arc<dyn Potential>> {
         None
     }

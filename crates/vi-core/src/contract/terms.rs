@@ -102,6 +102,11 @@ impl Terms {
         located
     }
 
+    /// Returns whether all live terms are [finite on free paths](Live::is_finite_on_free_paths).
+    pub fn is_live_part_finite_on_free_paths(&self) -> bool {
+        self.live.iter().all(|term| term.is_finite_on_free_paths())
+    }
+
     /// Returns a copy for positions near `x` (m, all coordinates), in which potentials replace the live terms.
     ///
     /// # Errors

@@ -60,8 +60,11 @@ impl Assembler {
     /// Returns whether the terms that may leave their domain on a free path have finite energies: all fixed terms, and the live
     /// ones that are not [finite there](vi_core::Live::is_finite_on_free_paths).
     pub fn is_in_domain_after_free_path(&mut self, x: &[f64], t: f64) -> bool {
-        let is_safe = self.terms().live().iter().all(|term| term.is_finite_on_free_paths());
-        let energies = if is_safe { self.fixed.energies(x, t) } else { self.energies(x, t) };
+        let energies = if self.terms().is_live_part_finite_on_free_paths() {
+            self.fixed.energies(x, t)
+        } else {
+            self.energies(x, t)
+        };
         energies.total().is_finite()
     }
 

@@ -8,6 +8,7 @@ use crate::error::SolverError;
 use crate::newton::budget::Budget;
 use crate::newton::inverse::{Inverse, Reason};
 use crate::newton::start::Start;
+use crate::vectors;
 use crate::work::Work;
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
@@ -42,9 +43,9 @@ pub(crate) trait Equations {
     /// Shortens the path from the beginning of the step to the start of the iteration, so that it stays within the
     /// limits of all terms.
     fn shorten_start(&mut self, _system: &System, _evaluator: &mut Evaluator) {}
-    /// Returns the largest fraction of the last correction that the terms allow, in (0, 1].
-    fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator) -> f64 {
-        1.0
+    /// Returns the largest fraction of the last correction that the terms allow, in (0, `most`]; no more of its path is examined.
+    fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator, most: f64) -> f64 {
+        most
     }
     /// Returns a bound on the length of sensible corrections if terms limit steps, m. Much longer ones would make candidates of all
     /// pairs.
@@ -99,14 +100,13 @@ impl<'a, E: Equations> Solve<'a, E> {
         Self { system, evaluator, inverse, equations, before }
     }
 
-    /// Returns an error if the work of this solve exceeds a budget. Near contact only a request to stop ends it: budgets count the work
-    /// in matrices, which is less than that of contact then, and pairs that meet, rather than the length of the step, decide how hard
-    /// it is. A cloth of 40 × 40 cells on a sphere by `backward-euler` (5 ms, .5 s of motion) takes 42 instead of 67 s.
+    /// Returns an error if the work of this solve exceeds a budget. There is no budget near contact: budgets count the work in matrices,
+    /// which is less than that of contact then, and pairs that meet, rather than the length of the step, decide how hard it is. A
+    /// cloth of 40 × 40 cells on a sphere by `backward-euler` (5 ms, .5 s of motion) takes 42 instead of 67 s.
     pub(super) fn check(&self, budget: Budget) -> Result<(), SolverError> {
-        let budget = match budget {
-            Budget::Seconds(_) if self.evaluator.has_pairs_near() => Budget::Seconds(f64::INFINITY),
-            other => other,
-        };
+        if self.evaluator.has_pairs_near() {
+            return Ok(());
+        }
         budget.check(self.inverse.costs(), &(self.evaluator.work - self.before))
     }
 
@@ -136,19 +136,23 @@ impl<'a, E: Equations> Solve<'a, E> {
 
     /// Returns the largest fraction of the last correction that the terms allow.
     pub(super) fn largest_step(&mut self) -> f64 {
-        match self.evaluator.limits_steps() {
-            true => self.equations.largest_step(self.system, self.evaluator),
-            false => 1.0,
+        if !self.evaluator.limits_steps() {
+            return 1.0;
         }
+        let sensible = self.sensible_part();
+        self.equations.largest_step(self.system, self.evaluator, sensible)
     }
 
     /// Returns whether the last correction is too long to make sense: the factor lacks pairs that act, or is nearly singular.
     pub(super) fn is_astray(&mut self) -> bool {
-        if !self.evaluator.limits_steps() {
-            return false;
-        }
+        self.evaluator.limits_steps() && self.sensible_part() < 1.0
+    }
+
+    /// Returns the fraction of the last correction that is not longer than any sensible one.
+    fn sensible_part(&mut self) -> f64 {
         let longest = self.equations.longest_correction(self.evaluator);
-        self.equations.correction().0.iter().any(|delta| delta.abs() > longest)
+        let delta = self.equations.correction().0;
+        (longest / vectors::max_abs(delta.len(), |k| delta[k])).min(1.0)
     }
 
     /// Factors the model at the last evaluation of the forces.

@@ -295,18 +295,14 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         base.copy_from_slice(w);
     }
 
-    fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator) -> f64 {
-        // Of a correction that is longer than any sensible motion, only a part is examined and made.
-        let length = vectors::max_abs(self.stage.correction.len(), |k| self.stage.correction[k]);
-        let sensible = (self.longest_correction(evaluator) / length).min(1.0);
+    fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator, most: f64) -> f64 {
         let Self { rule, stage, .. } = self;
         let reached = std::mem::take(&mut stage.w);
         stage.w = stage.base.clone();
-        let correction = std::mem::take(&mut stage.correction);
-        let change: Vec<f64> = correction.iter().map(|delta| sensible * delta).collect();
+        let change: Vec<f64> = stage.correction.iter().map(|delta| most * delta).collect();
         let part = stage.largest_step(system, *rule, evaluator, &change);
-        (stage.w, stage.correction) = (reached, correction);
-        sensible * part
+        stage.w = reached;
+        most * part
     }
 
     fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
