@@ -4,6 +4,7 @@ pub(crate) mod bicgstab;
 pub(crate) mod block_rows;
 pub(crate) mod choice;
 pub(crate) mod cost;
+pub(crate) mod dense_lu;
 pub(crate) mod factor;
 pub(crate) mod gmres;
 pub(crate) mod lanczos;

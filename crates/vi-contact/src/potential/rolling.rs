@@ -52,6 +52,10 @@ impl Live for RollingTerm {
         true
     }
 
+    fn has_friction(&self) -> bool {
+        true
+    }
+
     fn is_finite_on_free_paths(&self) -> bool {
         true
     }

@@ -154,6 +154,18 @@ impl BlockRows {
         self.starts.len() - 1
     }
 
+    /// Returns the number of blocks.
+    pub(crate) fn block_count(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Calls `each` with the row, the column and the value of each block.
+    pub(crate) fn for_each(&self, mut each: impl FnMut(usize, usize, &Matrix3<f64>)) {
+        for row in 0..self.row_count() {
+            self.row(row).for_each(|k| each(row, self.columns[k] as usize, &self.blocks[k]));
+        }
+    }
+
     /// Writes the product with x.
     pub(crate) fn apply(&self, x: &[f64], out: &mut [f64]) {
         let (x, out) = (x.as_chunks::<3>().0, out.as_chunks_mut::<3>().0);

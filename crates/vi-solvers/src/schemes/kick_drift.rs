@@ -235,6 +235,7 @@ impl KickDrift {
                 self.evaluate_nonconservative(system, t, kick, closes)?;
             }
             if drift != 0.0
+                && self.collisions.is_none()
                 && let Some(manifold) = &mut self.manifold
             {
                 manifold.set_directions(system, &self.q, t);

@@ -8,7 +8,12 @@ use vi_core::constraints::QuadraticConstraint;
 
 use crate::error::SolverError;
 use crate::index::NONE;
-use crate::schemes::constraint::units::Units;
+use crate::schemes::constraint::units::{Factored, Units};
+
+/// Number of iterations for the multipliers after which a step fails.
+const MAX_ITERATIONS: u32 = 50;
+/// A defect counts as zero if it is below this many units of its round-off.
+const NOISE: f64 = 4.0;
 
 /// Constraints that share free coordinates, with coordinates numbered from 0.
 pub(super) struct Cluster {
@@ -55,11 +60,30 @@ impl Cluster {
         }
     }
 
+    /// Returns its nodes, in the order of its coordinates.
+    pub(super) fn nodes(&self) -> Vec<u32> {
+        self.dofs.iter().step_by(3).map(|dof| dof / 3).collect()
+    }
+
+    /// Returns the mass of its points, kg; directors do not count.
+    pub(super) fn mass_of_points(&self) -> f64 {
+        let nodes = self.inverse_mass.as_slice().chunks_exact(3).zip(&self.is_director);
+        nodes.filter(|(_, is_director)| !**is_director).map(|(inverse, _)| 1.0 / inverse[0]).sum()
+    }
+
     /// Sets the configuration to q; reads prescribed coordinates from `x`.
     pub(super) fn place(&mut self, q: &[f64], x: &[f64]) {
         for (k, y) in self.y.iter_mut().enumerate() {
             *y = if self.free[k] == NONE { x[self.dofs[k] as usize] } else { q[self.free[k] as usize] };
         }
+    }
+
+    /// Takes the directions of the multipliers at the current configuration. Returns their metric N M⁻¹ Nᵀ.
+    pub(super) fn set_directions(&mut self) -> DMatrix<f64> {
+        self.normal = self.jacobian();
+        let metric = self.metric(&self.normal, &self.normal);
+        self.units = Units::of(&metric.diagonal());
+        metric
     }
 
     /// Returns G at the current configuration, m × coordinates.
@@ -94,6 +118,11 @@ impl Cluster {
         })
     }
 
+    /// Returns whether the current configuration is on the manifold, up to round-off.
+    pub(super) fn is_on_manifold(&self) -> bool {
+        self.worst(&self.defect()).0 <= NOISE
+    }
+
     /// Returns G M⁻¹ Nᵀ.
     pub(super) fn metric(&self, g: &DMatrix<f64>, normal: &DMatrix<f64>) -> DMatrix<f64> {
         let mut weighted = normal.transpose();
@@ -106,6 +135,68 @@ impl Cluster {
     /// Solves S λ = r.
     pub(super) fn solve(&self, matrix: DMatrix<f64>, rhs: &DVector<f64>) -> Option<DVector<f64>> {
         self.units.solve(matrix, rhs, self.is_redundant)
+    }
+
+    /// Factors S for several solutions of S λ = r.
+    pub(super) fn factor(&self, matrix: DMatrix<f64>) -> Factored {
+        self.units.clone().factor(matrix, self.is_redundant)
+    }
+
+    /// Moves q onto the manifold along the directions of the multipliers, q −= scale M⁻¹Nᵀλ with g(q) = 0; reads prescribed
+    /// coordinates from `x`. Returns λ.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if the iteration does not converge.
+    pub(super) fn project_positions(
+        &mut self,
+        q: &mut [f64],
+        x: &[f64],
+        scale: f64,
+    ) -> Result<DVector<f64>, SolverError> {
+        let mut total = DVector::zeros(self.constraints.len());
+        let (mut previous, mut iterations) = (f64::INFINITY, 0);
+        loop {
+            self.place(q, x);
+            let defect = self.defect();
+            let (worst, which) = self.worst(&defect);
+            // q is on the manifold, or as near as round-off allows.
+            if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
+                return Ok(total);
+            }
+            if !worst.is_finite() || iterations >= MAX_ITERATIONS {
+                return Err(self.failure(which, iterations, defect[which]));
+            }
+            (previous, iterations) = (worst, iterations + 1);
+            let matrix = self.metric(&self.jacobian(), &self.normal) * scale;
+            let step = self.solve(matrix, &defect);
+            let step = step.ok_or_else(|| self.failure(which, iterations, defect[which]))?;
+            let impulse = self.normal.tr_mul(&step);
+            for (k, &free) in self.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
+                q[free as usize] -= scale * self.inverse_mass[k] * impulse[k];
+            }
+            total += step;
+        }
+    }
+
+    /// Returns Σ λ_i ∂²g_i/∂x², coordinates × coordinates.
+    pub(super) fn curvature(&self, lambda: &[f64]) -> DMatrix<f64> {
+        let count = self.dofs.len();
+        let gradient = |y: &[f64]| {
+            let mut sum = DVector::zeros(count);
+            let members = self.constraints.iter().zip(lambda);
+            members.for_each(|(constraint, &lambda)| constraint.add_gradient(y, lambda, sum.as_mut_slice()));
+            sum
+        };
+        // Gradients of quadratic constraints are affine, so unit differences are exact.
+        let mut y = vec![0.0; count];
+        let origin = gradient(&y);
+        let mut curvature = DMatrix::zeros(count, count);
+        for (j, mut column) in curvature.column_iter_mut().enumerate() {
+            y[j] = 1.0;
+            column.copy_from(&(gradient(&y) - &origin));
+            y[j] = 0.0;
+        }
+        curvature
     }
 
     pub(super) fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {

@@ -6,7 +6,7 @@
 //! the clusters and not on the bodies attached to them. If constraints of a cluster depend on each other in its first
 //! configuration (closed loops), the multipliers of least norm are taken. Constraints have different dimensions (a
 //! distance in m², a perpendicularity in 1); therefore S = G M⁻¹ Gᵀ is judged and solved in units of its own rows
-//! ([`Units`]).
+//! (`units.rs`).
 
 use nalgebra::DVector;
 use vi_core::System;
@@ -14,12 +14,6 @@ use vi_core::System;
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
 use crate::schemes::constraint::cluster::{Cluster, clusters};
-use crate::schemes::constraint::units::Units;
-
-/// Number of iterations for the multipliers after which a step fails.
-const MAX_ITERATIONS: u32 = 50;
-/// A defect counts as zero if it is below this many units of its round-off.
-const NOISE: f64 = 4.0;
 
 /// All clusters of a system.
 pub(crate) struct ConstraintManifold {
@@ -71,9 +65,7 @@ impl ConstraintManifold {
             system.coordinates().embed_velocity(q, t, &mut self.x_dot);
         }
         for cluster in &mut self.clusters {
-            cluster.normal = cluster.jacobian();
-            let metric = cluster.metric(&cluster.normal, &cluster.normal);
-            cluster.units = Units::of(&metric.diagonal());
+            let metric = cluster.set_directions();
             if !self.is_ranked {
                 cluster.is_redundant = cluster.units.are_dependent(metric);
             }
@@ -111,22 +103,11 @@ impl ConstraintManifold {
     pub(crate) fn for_each_curvature(&self, lambda: &[f64], mut each: impl FnMut(u32, u32, f64)) {
         let mut first = 0;
         for cluster in &self.clusters {
-            let (m, count) = (cluster.constraints.len(), cluster.dofs.len());
-            let gradient = |y: &[f64]| {
-                let mut sum = vec![0.0; count];
-                let members = cluster.constraints.iter().zip(&lambda[first..first + m]);
-                members.for_each(|(constraint, &lambda)| constraint.add_gradient(y, lambda, &mut sum));
-                sum
-            };
-            // Gradients of quadratic constraints are affine, so unit differences are exact.
-            let mut y = vec![0.0; count];
-            let origin = gradient(&y);
+            let m = cluster.constraints.len();
+            let curvature = cluster.curvature(&lambda[first..first + m]);
             for (j, &column) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
-                y[j] = 1.0;
-                let there = gradient(&y);
-                y[j] = 0.0;
                 for (i, &row) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
-                    each(row, column, there[i] - origin[i]);
+                    each(row, column, curvature[(i, j)]);
                 }
             }
             first += m;
@@ -220,29 +201,7 @@ impl ConstraintManifold {
         let (mut change, mut first) = (0.0, 0);
         for cluster in &mut self.clusters {
             let m = cluster.constraints.len();
-            let mut total = DVector::zeros(m);
-            let (mut previous, mut iterations) = (f64::INFINITY, 0);
-            loop {
-                cluster.place(q, &self.x);
-                let defect = cluster.defect();
-                let (worst, which) = cluster.worst(&defect);
-                // q is on the manifold, or as near as round-off allows.
-                if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
-                    break;
-                }
-                if !worst.is_finite() || iterations >= MAX_ITERATIONS {
-                    return Err(cluster.failure(which, iterations, defect[which]));
-                }
-                (previous, iterations) = (worst, iterations + 1);
-                let matrix = cluster.metric(&cluster.jacobian(), &cluster.normal) * drift;
-                let step = cluster.solve(matrix, &defect);
-                let step = step.ok_or_else(|| cluster.failure(which, iterations, defect[which]))?;
-                let impulse = cluster.normal.tr_mul(&step);
-                for (k, &free) in cluster.free.iter().enumerate().filter(|(_, free)| **free != NONE) {
-                    q[free as usize] -= drift * cluster.inverse_mass[k] * impulse[k];
-                }
-                total += step;
-            }
+            let total = cluster.project_positions(q, &self.x, drift)?;
             change += cluster.kick(&cluster.normal.tr_mul(&total), p);
             for (lambda, total) in lambda[first..first + m].iter_mut().zip(&total) {
                 *lambda += total;

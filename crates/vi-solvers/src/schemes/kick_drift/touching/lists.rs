@@ -6,9 +6,10 @@
 //! their mean motion since the last one. So a body that falls or slides as a whole needs no new search. If few nodes leave the
 //! tube of the outer list, only their pairs are searched again.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use vi_core::{Live, Potential, Tube};
+use vi_core::{Coordinates, Live, Potential, Tube};
 
 use crate::assemble::live::shortest_reach;
 use crate::memory::StepperMemory;
@@ -130,6 +131,10 @@ pub(super) struct Lists {
     version: u64,
     /// Distance of each node from its expected place at the end of the last step, m; empty if contact moved none.
     deviations: Vec<f64>,
+    /// The nodes that are directors, whose coordinates are no places. They count as nodes that do not move.
+    directors: Vec<usize>,
+    /// Longest motion of a node that is expected in the step, m.
+    farthest: f64,
 }
 
 /// What the lists of the next steps depend on, for a return to this point.
@@ -142,9 +147,12 @@ pub(in crate::schemes::kick_drift) struct Kept {
 }
 
 impl Lists {
-    pub(super) fn new(live: Vec<Arc<dyn Live>>) -> Self {
+    pub(super) fn new(live: Vec<Arc<dyn Live>>, coordinates: &Coordinates) -> Self {
+        let nodes = 0..coordinates.dof_count() / 3;
         Self {
             live,
+            directors: nodes.filter(|&node| coordinates.is_director(node as u32)).collect(),
+            farthest: 0.0,
             outer: Arc::default(),
             served: 0.0,
             multiple: OUTER_REACH[0],
@@ -173,19 +181,35 @@ impl Lists {
 
     /// Begins a step for which the nodes are expected to move from `start` to `end`, and makes the lists valid there.
     pub(super) fn follow(&mut self, start: &[f64], end: &[f64]) {
-        let motion: Vec<f64> = start.iter().zip(end).map(|(start, end)| end - start).collect();
-        let farthest = motion.chunks_exact(3).map(length).fold(0.0, f64::max);
-        let least = LEAST * farthest;
+        let [start, end] = [start, end].map(|x| self.places(x));
+        let motion: Vec<f64> = start.iter().zip(&*end).map(|(start, end)| end - start).collect();
+        self.farthest = motion.chunks_exact(3).map(length).fold(0.0, f64::max);
+        let least = LEAST * self.farthest;
         // A free drift leaves none.
         let mut deviations = std::mem::take(&mut self.deviations);
         deviations.resize(motion.len() / 3, 0.0);
         let reach = deviations.into_iter().map(|deviation| least.max(SPARE * deviation)).collect();
-        self.choose(Tube { start: start.to_vec(), motion, reach });
+        self.choose(Tube { start: start.into_owned(), motion, reach });
         self.served += 1.0;
+    }
+
+    /// Returns the longest motion of a node that is expected in the step, m.
+    pub(super) fn farthest(&self) -> f64 {
+        self.farthest
+    }
+
+    /// Returns the places of the nodes. Directors, whose coordinates are no places, are at the origin.
+    fn places<'a>(&self, x: &'a [f64]) -> Cow<'a, [f64]> {
+        let mut places = Cow::Borrowed(x);
+        for node in &self.directors {
+            places.to_mut()[3 * node..3 * node + 3].fill(0.0);
+        }
+        places
     }
 
     /// Ends the step at `x`. Nodes that left their expected paths are expected to do so again.
     pub(super) fn end_step(&mut self, x: &[f64]) {
+        let x = self.places(x);
         let expected = self.step.tube.end();
         let places = x.as_chunks::<3>().0.iter().zip(expected.as_chunks::<3>().0);
         let apart =
@@ -195,6 +219,7 @@ impl Lists {
 
     /// Makes the lists of the step valid at `x` too.
     pub(super) fn widen(&mut self, x: &[f64]) {
+        let x = &*self.places(x);
         if self.step.tube.contains(x) || !x.iter().all(|x| x.is_finite()) {
             return;
         }

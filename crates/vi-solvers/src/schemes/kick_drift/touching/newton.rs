@@ -1,4 +1,5 @@
-//! The small system of one Newton step, J δ = −R on the nodes in contact, with J = M + ½h² Σ a ⊗ b.
+//! The small system of one Newton step, J δ = −R on the nodes in contact, with J = M + ½h² Σ a ⊗ b. Bodies with constraints are
+//! in it with all their coordinates, and move in their tangent spaces (`reduced.rs`).
 
 use nalgebra::Vector3;
 use vi_core::{Acting, Coordinates, System};
@@ -8,8 +9,17 @@ use crate::error::SolverError;
 use crate::index::NONE;
 use crate::linear::bicgstab;
 use crate::linear::block_rows::{BlockRows, IncompleteLu};
+use crate::linear::dense_lu;
+use crate::schemes::constraint::middle::ConstrainedBodies;
+use crate::schemes::kick_drift::touching::reduced::Reduced;
 
-const MOST_PRODUCTS: usize = 400;
+/// Largest number of products of an iterative solve.
+const MOST_PRODUCTS: f64 = 400.0;
+/// A complete factor of n equations costs about n³ divided by this number and the number of blocks, in products with these blocks, each
+/// with a solve with the incomplete factor (by counts of operations, at 8 · 10⁹ per second in the factor and 1.5 · 10⁹ in products).
+const FACTOR_PER_BLOCK: f64 = 430.0;
+/// Systems whose complete factor costs less than this number of products are solved with it.
+const FEWEST_PRODUCTS: f64 = 10.0;
 /// A body counts as at rest if its own motion has less than this fraction of the energy that pairs give it.
 const AT_REST: f64 = 1e-8;
 
@@ -50,6 +60,14 @@ pub(super) struct Small {
     place_of: Vec<u32>,
     /// The nodes of the small system.
     nodes: Vec<u32>,
+    /// The cluster of each node, or [`NONE`]; empty without constraints.
+    cluster_of: Vec<u32>,
+    /// The nodes of each cluster.
+    members: Vec<Vec<u32>>,
+    /// The clusters in the small system, with the first place of each.
+    clusters: Vec<(usize, usize)>,
+    /// The map to the tangent spaces of these clusters, if there are any.
+    reduced: Option<Reduced>,
     /// The free coordinate of each coordinate of the small system, three per node, or [`NONE`].
     free: Vec<u32>,
     /// Left and right factors of the tangents, alternately.
@@ -65,11 +83,20 @@ pub(super) struct Small {
 }
 
 impl Small {
-    pub(super) fn new(node_count: usize) -> Self {
+    /// Returns the empty system of `node_count` nodes, some of which belong to clusters.
+    pub(super) fn new(node_count: usize, clusters: &[Vec<u32>]) -> Self {
+        let mut cluster_of = vec![NONE; if clusters.is_empty() { 0 } else { node_count }];
+        for (nodes, cluster) in clusters.iter().zip(0..) {
+            nodes.iter().for_each(|&node| cluster_of[node as usize] = cluster);
+        }
         Self {
             drifted: Vec::new(),
             place_of: vec![NONE; node_count],
             nodes: Vec::new(),
+            cluster_of,
+            members: clusters.to_vec(),
+            clusters: Vec::new(),
+            reduced: None,
             free: Vec::new(),
             tangents: Vectors::default(),
             force: Vec::new(),
@@ -85,18 +112,53 @@ impl Small {
     pub(super) fn begin(&mut self) {
         self.nodes.iter().for_each(|&node| self.place_of[node as usize] = NONE);
         self.nodes.clear();
+        self.clusters.clear();
         self.free.clear();
         self.force.clear();
     }
 
-    /// Adds a node to the system if it is not there yet; returns its index.
+    /// Adds a node to the system if it is not there yet, and all nodes of its cluster; returns its index.
     pub(super) fn touch(&mut self, node: u32) -> u32 {
-        let place = &mut self.place_of[node as usize];
-        if *place == NONE {
-            *place = self.nodes.len() as u32;
-            self.nodes.push(node);
+        if self.place_of[node as usize] == NONE {
+            let first = self.nodes.len();
+            match self.cluster_of.get(node as usize) {
+                None | Some(&NONE) => self.nodes.push(node),
+                Some(&cluster) => {
+                    self.clusters.push((cluster as usize, first));
+                    self.nodes.extend(&self.members[cluster as usize]);
+                }
+            }
+            for (place, &node) in self.nodes.iter().enumerate().skip(first) {
+                self.place_of[node as usize] = place as u32;
+            }
         }
-        *place
+        self.place_of[node as usize]
+    }
+
+    /// Returns the clusters in the system.
+    pub(super) fn clusters(&self) -> impl Iterator<Item = usize> + '_ {
+        self.clusters.iter().map(|(cluster, _)| *cluster)
+    }
+
+    /// Replaces the coordinates of clusters by those of their tangent spaces at the iterate y of a drift from q.
+    ///
+    /// # Errors
+    /// Returns an error if constraints that were independent of each other depend on each other here.
+    pub(super) fn reduce(
+        &mut self,
+        bodies: &mut ConstrainedBodies,
+        q: &[f64],
+        y: &[f64],
+    ) -> Result<(), SolverError> {
+        let mut spaces = Vec::new();
+        for &(cluster, first) in &self.clusters {
+            let count = self.members[cluster].len();
+            let residual: Vec<f64> =
+                self.residual[3 * first..3 * (first + count)].iter().map(|r| -r / self.c).collect();
+            spaces.push((first, count, bodies.tangent_space(cluster, [q, y], self.c, &residual)?));
+        }
+        self.reduced = (!spaces.is_empty()).then(|| Reduced::new(self.nodes.len(), spaces.into_iter()));
+        Ok(())
     }
 
     /// Builds the system from the forces and tangents at y.
@@ -149,26 +211,68 @@ impl Small {
             self.free.iter().map(|&k| if k == NONE { 1.0 } else { mass[k as usize] / self.c }).collect();
         let (tangents, c) = (&self.tangents, self.c);
         let count = (tangents.starts.len() - 1) / 2;
-        self.matrix.begin((0..self.nodes.len()).map(|node| vector(&mass, node)));
-        (0..count).for_each(|number| self.matrix.add(tangents.of(2 * number), tangents.of(2 * number + 1)));
+        let factors = (0..count).map(|number| (tangents.of(2 * number), tangents.of(2 * number + 1)));
+        let residual = match &mut self.reduced {
+            Some(reduced) => {
+                reduced.begin(&mut self.matrix, |place| vector(&mass, place));
+                factors.for_each(|(left, right)| reduced.add(&mut self.matrix, left, right));
+                reduced.residual(&self.residual)
+            }
+            None => {
+                self.matrix.begin((0..self.nodes.len()).map(|node| vector(&mass, node)));
+                factors.for_each(|(left, right)| self.matrix.add(left, right));
+                self.residual.clone()
+            }
+        };
         self.matrix.finish();
-        self.factor.factor(&self.matrix);
-        let apply = |v: &[f64], out: &mut [f64]| self.matrix.apply(v, out);
-        let precondition = |v: &mut [f64]| self.factor.solve(&self.matrix, v);
-        let scaled: Vec<f64> = self.residual.iter().map(|r| r / c).collect();
-        // If the tolerance is not reached, use the last iterate, or what the incomplete factor gives if there is none.
-        let solved = bicgstab::solve(apply, precondition, &scaled, &mut self.delta, forcing, MOST_PRODUCTS);
-        if solved.is_none() && self.delta.iter().all(|&value| value == 0.0) {
-            self.delta.copy_from_slice(&scaled);
-            precondition(&mut self.delta);
+        let scaled: Vec<f64> = residual.iter().map(|r| r / c).collect();
+        self.solve(&scaled, forcing);
+        let decrement = self.delta.iter().zip(&residual).map(|(a, b)| a * b).sum();
+        if let Some(reduced) = &self.reduced {
+            let delta = std::mem::take(&mut self.delta);
+            reduced.expand(&delta, &mut self.delta);
         }
-        Ok(self.delta.iter().zip(&self.residual).map(|(a, b)| a * b).sum())
+        Ok(decrement)
     }
 
-    /// Returns √(RᵀM⁻¹R).
+    /// Solves for δ to the relative error `forcing`.
+    fn solve(&mut self, rhs: &[f64], forcing: f64) {
+        let Self { matrix, factor, delta, reduced, .. } = self;
+        delta.clear();
+        delta.resize(rhs.len(), 0.0);
+        let size = rhs.len() as f64;
+        // Bodies couple all nodes that touch them, so incomplete factors serve less well.
+        let worth = match reduced {
+            Some(_) => size * size * size / (FACTOR_PER_BLOCK * matrix.block_count() as f64),
+            None => f64::INFINITY,
+        };
+        if worth < FEWEST_PRODUCTS && dense_lu::solve(matrix, rhs, delta) {
+            return;
+        }
+        factor.factor(matrix);
+        let apply = |v: &[f64], out: &mut [f64]| matrix.apply(v, out);
+        let precondition = |v: &mut [f64]| factor.solve(matrix, v);
+        let most = worth.min(MOST_PRODUCTS);
+        let solved = bicgstab::solve(apply, precondition, rhs, delta, forcing, most as usize);
+        if solved.is_some() || (most < MOST_PRODUCTS && dense_lu::solve(matrix, rhs, delta)) {
+            return;
+        }
+        // Use the last iterate, or what the incomplete factor gives if there is none.
+        if delta.iter().all(|&value| value == 0.0) {
+            delta.copy_from_slice(rhs);
+            factor.solve(matrix, delta);
+        }
+    }
+
+    /// Returns √(RᵀM⁻¹R), without the parts of R that constraints balance.
     pub(super) fn size(&self, mass: &[f64]) -> f64 {
-        let parts = self.free.iter().zip(&self.residual).filter(|(k, _)| **k != NONE);
-        parts.map(|(&k, residual)| residual * residual / mass[k as usize]).sum::<f64>().sqrt()
+        let is_of_body = |place: usize| self.reduced.as_ref().is_some_and(|map| map.is_of_body(place / 3));
+        let parts = self.free.iter().zip(&self.residual).enumerate();
+        let parts = parts.filter(|(place, (k, _))| **k != NONE && !is_of_body(*place));
+        let sum = parts.map(|(_, (&k, residual))| residual * residual / mass[k as usize]).sum::<f64>();
+        let bodies =
+            self.reduced.as_ref().map_or(0.0, |map| map.square_of_bodies(&map.residual(&self.residual)));
+        (sum + bodies).sqrt()
     }
 
     /// Returns the product of the right factor of a tangent and a change of the free coordinates.
@@ -181,13 +285,30 @@ impl Small {
         self.tangents.of(2 * tangent + 1).iter().map(of_node).sum()
     }
 
-    /// Writes δ to the free coordinates, with length `longest` (m) at nodes where it is longer. Returns whether it was
-    /// longer at no node.
-    pub(super) fn spread(&self, delta: &mut [f64], longest: f64) -> bool {
+    /// Writes δ to the free coordinates, with length `longest` (m) at nodes where it is longer. The length of a cluster is the root
+    /// of Σ m δ² over its mass. Returns whether it was longer at no node.
+    pub(super) fn spread(
+        &self,
+        delta: &mut [f64],
+        longest: f64,
+        mass: &[f64],
+        bodies: Option<&ConstrainedBodies>,
+    ) -> bool {
         let mut is_whole = true;
-        for (free, values) in self.free.chunks_exact(3).zip(self.delta.chunks_exact(3)) {
+        let mut parts = Vec::with_capacity(self.nodes.len());
+        for values in self.delta.chunks_exact(3) {
             let length = values.iter().map(|value| value * value).sum::<f64>().sqrt();
-            let part = if length > longest { longest / length } else { 1.0 };
+            parts.push(if length > longest { longest / length } else { 1.0 });
+        }
+        for (&(cluster, first), bodies) in self.clusters.iter().zip(bodies.into_iter().cycle()) {
+            let places = first..first + self.members[cluster].len();
+            let coordinates = 3 * places.start..3 * places.end;
+            let values = self.free[coordinates.clone()].iter().zip(&self.delta[coordinates]);
+            let square: f64 = values.map(|(&k, value)| mass[k as usize] * value * value).sum();
+            let length = (square / bodies.mass(cluster)).sqrt();
+            parts[places].fill(if length > longest { longest / length } else { 1.0 });
+        }
+        for ((free, values), &part) in self.free.chunks_exact(3).zip(self.delta.chunks_exact(3)).zip(&parts) {
             is_whole &= part == 1.0;
             for (&k, value) in free.iter().zip(values).filter(|(k, _)| **k != NONE) {
                 delta[k as usize] = part * value;

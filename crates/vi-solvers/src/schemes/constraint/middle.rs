@@ -1,0 +1,203 @@
+//! Steps of bodies with constraints whose multipliers act along the directions N in the middle of the step, where they do no
+//! work:
+//! ```text
+//! M (y − u) + c (f(y) + Nᵀℓ) = 0,   g(y) = 0,   N = ∂g/∂q at (q₀ + y)/2
+//! ```
+//! u is the end without forces and y the end of the step. For quadratic g, N (y − q₀) = g(y) − g(q₀) = 0 exactly.
+//! Newton's method moves y in the tangent space of its clusters and then projects it onto their manifold, so that bodies are
+//! rigid in all iterates and no multiplier is an unknown:
+//! ```text
+//! Sᵀ (M + c ∂f/∂y + (c/2) Σ ℓ_i ∂²g_i/∂q²) T z = −Sᵀ R,   y ← y + T z
+//! ```
+//! The columns of S are a basis of the null space of N M⁻¹, orthonormal in the norm of M, so Sᵀ removes Nᵀℓ. Those of T are the
+//! columns of S without their parts across the manifold at y.
+
+use nalgebra::{DMatrix, DVector};
+use vi_core::System;
+
+use crate::error::SolverError;
+use crate::index::{NONE, free_of};
+use crate::schemes::constraint::cluster::{Cluster, clusters};
+
+/// Largest number of times that the directions of a free drift are renewed. The error decreases by about (ωh/2)² each time for
+/// bodies that spin at the rate ω.
+const MOST_ROUNDS: u32 = 30;
+/// Changes below this many units of round-off of the largest coordinate end the renewal.
+const NOISE: f64 = 4.0 * f64::EPSILON;
+/// If constraints depend on each other, singular values of M^(−½)Nᵀ below this fraction of the largest count as zero.
+const SINGULAR: f64 = 1e-8;
+
+/// The clusters of a system, none of which reads prescribed coordinates.
+pub(crate) struct ConstrainedBodies {
+    clusters: Vec<Cluster>,
+    nodes: Vec<Vec<u32>>,
+    /// Mass of the points of each cluster, kg. Directors do not count.
+    mass: Vec<f64>,
+    is_ranked: bool,
+}
+
+/// The tangent space of a cluster at an iterate.
+pub(crate) struct TangentSpace {
+    /// S and T, coordinates × dimension of the tangent space.
+    pub(crate) left: DMatrix<f64>,
+    pub(crate) right: DMatrix<f64>,
+    /// Sᵀ (M/c + ½ Σ ℓ_i ∂²g_i/∂q²) T.
+    pub(crate) inertia: DMatrix<f64>,
+}
+
+impl ConstrainedBodies {
+    /// Returns the clusters of a system. Returns `None` if one of them reads prescribed coordinates.
+    pub(crate) fn new(system: &System) -> Option<Self> {
+        let free_of = free_of(system.coordinates());
+        let of = |members: &Vec<_>| Cluster::new(system, members, &free_of);
+        let clusters: Vec<Cluster> = clusters(system, &free_of).iter().map(of).collect();
+        if clusters.iter().any(|cluster| cluster.free.contains(&NONE)) {
+            return None;
+        }
+        let nodes: Vec<Vec<u32>> = clusters.iter().map(Cluster::nodes).collect();
+        let mass = clusters.iter().map(Cluster::mass_of_points).collect();
+        Some(Self { clusters, nodes, mass, is_ranked: false })
+    }
+
+    /// Returns the nodes of each cluster, three coordinates per node.
+    pub(crate) fn nodes(&self) -> &[Vec<u32>] {
+        &self.nodes
+    }
+
+    /// Returns the mass of the points of a cluster, kg.
+    pub(crate) fn mass(&self, cluster: usize) -> f64 {
+        self.mass[cluster]
+    }
+
+    /// Moves the end of a drift over h (s) without forces to that with the forces of constraints alone, and writes their impulses
+    /// −h Nᵀℓ (N s) for the coordinates of the clusters. `start` is the start of the drift, on the manifold.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if the iteration does not converge.
+    pub(crate) fn drift(
+        &mut self,
+        start: &[f64],
+        end: &mut [f64],
+        h: f64,
+        impulses: &mut [f64],
+    ) -> Result<(), SolverError> {
+        for cluster in &mut self.clusters {
+            let drifted: Vec<f64> = cluster.free.iter().map(|&k| end[k as usize]).collect();
+            let mut before = drifted.clone();
+            let mut last = f64::INFINITY;
+            for round in 0.. {
+                set_middle(cluster, start, end, self.is_ranked);
+                cluster.free.iter().zip(&drifted).for_each(|(&k, drifted)| end[k as usize] = *drifted);
+                // y = u − (h/2) M⁻¹Nᵀλ with λ = h ℓ.
+                let lambda = cluster.project_positions(end, &[], 0.5 * h)?;
+                let impulse = cluster.normal.tr_mul(&lambda);
+                cluster.free.iter().zip(&impulse).for_each(|(&k, value)| impulses[k as usize] = -value);
+                let (mut change, mut size) = (0.0_f64, 0.0_f64);
+                for (&k, before) in cluster.free.iter().zip(&mut before) {
+                    let now = end[k as usize];
+                    change = change.max((now - *before).abs());
+                    size = size.max(now.abs());
+                    *before = now;
+                }
+                if change <= NOISE * size || (change <= 1e-12 * size && change >= 0.5 * last) {
+                    break;
+                }
+                if round == MOST_ROUNDS {
+                    return Err(cluster.failure(0, round, change));
+                }
+                last = change;
+            }
+        }
+        self.is_ranked = true;
+        Ok(())
+    }
+
+    /// Projects the coordinates y of a cluster onto its manifold.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if the iteration does not converge.
+    pub(crate) fn project(&mut self, cluster: usize, y: &mut [f64]) -> Result<(), SolverError> {
+        let cluster = &mut self.clusters[cluster];
+        cluster.place(y, &[]);
+        if cluster.is_on_manifold() {
+            return Ok(());
+        }
+        cluster.set_directions();
+        cluster.project_positions(y, &[], 1.0).map(|_| ())
+    }
+
+    /// Returns the tangent space of a cluster at the iterate `y` of a step from `start`. `residual` returns M (y − u)/c + f at each
+    /// coordinate of the cluster.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each other here.
+    pub(crate) fn tangent_space(
+        &mut self,
+        cluster: usize,
+        [start, y]: [&[f64]; 2],
+        c: f64,
+        residual: &[f64],
+    ) -> Result<TangentSpace, SolverError> {
+        let cluster = &mut self.clusters[cluster];
+        let metric = set_middle(cluster, start, y, self.is_ranked);
+        let left = null_space(cluster);
+        let weighted = cluster.inverse_mass.component_mul(&DVector::from_column_slice(residual));
+        let along = &cluster.normal * weighted;
+        let dependent = |cluster: &Cluster| cluster.failure(0, 0, f64::NAN);
+        let lambda = -cluster.solve(metric, &along).ok_or_else(|| dependent(cluster))?;
+        // Remove the parts across the manifold at y.
+        cluster.place(y, &[]);
+        let g = cluster.jacobian();
+        let across = cluster.factor(cluster.metric(&g, &g));
+        let mut right = left.clone();
+        for mut column in right.column_iter_mut() {
+            let part = across.solve(&(&g * &column)).ok_or_else(|| dependent(cluster))?;
+            column -= cluster.inverse_mass.component_mul(&g.tr_mul(&part));
+        }
+        let mut inertia = cluster.curvature(lambda.as_slice()) * 0.5;
+        for (k, inverse_mass) in cluster.inverse_mass.iter().enumerate() {
+            inertia[(k, k)] += 1.0 / (inverse_mass * c);
+        }
+        let inertia = left.tr_mul(&(inertia * &right));
+        Ok(TangentSpace { left, right, inertia })
+    }
+}
+
+/// Takes the directions in the middle of a step; returns their metric. The first call finds whether constraints depend on each other.
+fn set_middle(cluster: &mut Cluster, start: &[f64], end: &[f64], is_ranked: bool) -> DMatrix<f64> {
+    for (y, &k) in cluster.y.iter_mut().zip(&cluster.free) {
+        *y = 0.5 * (start[k as usize] + end[k as usize]);
+    }
+    let metric = cluster.set_directions();
+    if !is_ranked {
+        cluster.is_redundant = cluster.units.are_dependent(metric.clone());
+    }
+    metric
+}
+
+/// Returns a basis of the vectors s with N s = 0 that is orthonormal in the norm of M.
+fn null_space(cluster: &Cluster) -> DMatrix<f64> {
+    let root = cluster.inverse_mass.map(f64::sqrt);
+    let scale = |mut matrix: DMatrix<f64>| {
+        matrix.row_iter_mut().zip(&root).for_each(|(mut row, root)| row *= *root);
+        matrix
+    };
+    let mut span = scale(cluster.normal.transpose());
+    if cluster.is_redundant {
+        // Rows of different dimensions become comparable.
+        span.column_iter_mut().for_each(|mut column| {
+            column.normalize_mut();
+        });
+        let svd = span.svd(true, false);
+        let limit = SINGULAR * svd.singular_values.max();
+        let rank = svd.singular_values.iter().filter(|value| **value > limit).count();
+        span = svd.u.map_or_else(|| DMatrix::zeros(root.len(), 0), |u| u.columns(0, rank).into_owned());
+    }
+    // The orthogonal factor of [span, 1] begins with a basis of the span and continues with one of its complement.
+    let (count, rank) = (root.len(), span.ncols());
+    let mut extended = DMatrix::zeros(count, rank + count);
+    extended.columns_mut(0, rank).copy_from(&span);
+    extended.columns_mut(rank, count).fill_with_identity();
+    let basis = extended.qr().q();
+    scale(basis.columns(rank, count - rank).into_owned())
+}
