@@ -122,7 +122,7 @@ impl ConstrainedBodies {
         if cluster.is_on_manifold() {
             return Ok(());
         }
-        cluster.set_directions();
+        set_directions(cluster, self.is_ranked);
         cluster.project_positions(y, &[], 1.0).map(|_| ())
     }
 
@@ -163,11 +163,17 @@ impl ConstrainedBodies {
     }
 }
 
-/// Takes the directions in the middle of a step; returns their metric. The first call finds whether constraints depend on each other.
+/// Takes the directions in the middle of a step; returns their metric.
 fn set_middle(cluster: &mut Cluster, start: &[f64], end: &[f64], is_ranked: bool) -> DMatrix<f64> {
     for (y, &k) in cluster.y.iter_mut().zip(&cluster.free) {
         *y = 0.5 * (start[k as usize] + end[k as usize]);
     }
+    set_directions(cluster, is_ranked)
+}
+
+/// Takes the directions at the current configuration; returns their metric. Finds whether constraints depend on each other if that is not
+/// known yet.
+fn set_directions(cluster: &mut Cluster, is_ranked: bool) -> DMatrix<f64> {
     let metric = cluster.set_directions();
     if !is_ranked {
         cluster.is_redundant = cluster.units.are_dependent(metric.clone());
@@ -200,4 +206,68 @@ fn null_space(cluster: &Cluster) -> DMatrix<f64> {
     extended.columns_mut(rank, count).fill_with_identity();
     let basis = extended.qr().q();
     scale(basis.columns(rank, count - rank).into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use vi_core::Coordinates;
+    use vi_core::constraints::{Place, QuadraticConstraint};
+
+    use super::*;
+
+    /// Two points in space, one length unit apart, with a redundant copy of their constraint if asked for.
+    fn rod(is_redundant: bool) -> System {
+        let [a, b] = [Place::node(0), Place::node(1)];
+        let constraint = || QuadraticConstraint::distance("rod", &a, &b, 1.0);
+        let constraints = if is_redundant { vec![constraint(), constraint()] } else { vec![constraint()] };
+        let mass = vec![2.0, 2.0, 2.0, 3.0, 3.0, 3.0];
+        let system = System::new(mass, Vec::new(), Coordinates::all_free(6)).unwrap();
+        system.with_constraints(constraints).unwrap()
+    }
+
+    const START: [f64; 6] = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0];
+
+    #[test]
+    fn a_drift_keeps_energy_and_momenta_on_the_manifold() {
+        let (system, h) = (rod(false), 0.2);
+        let mut bodies = ConstrainedBodies::new(&system).unwrap();
+        let momentum = [1.0, -2.0, 0.5, 1.5, 3.0, -0.5];
+        let mass = system.free_mass();
+        let mut end: Vec<f64> = (0..6).map(|k| START[k] + h * momentum[k] / mass[k]).collect();
+        let mut impulses = vec![0.0; 6];
+        bodies.drift(&START, &mut end, h, &mut impulses).unwrap();
+        let after: Vec<f64> = momentum.iter().zip(&impulses).map(|(p, impulse)| p + impulse).collect();
+        let energy = |p: &[f64]| (0..6).map(|k| 0.5 * p[k] * p[k] / mass[k]).sum::<f64>();
+        let length = (0..3).map(|k| (end[k] - end[k + 3]).powi(2)).sum::<f64>();
+        assert!((length - 1.0).abs() < 1e-14, "{length}");
+        assert!((energy(&after) - energy(&momentum)).abs() < 1e-14);
+        for k in 0..3 {
+            assert!((impulses[k] + impulses[k + 3]).abs() < 1e-14);
+            // The impulses lead to the end: y = q₀ + h M⁻¹ (p₀ + p₁)/2.
+            let mean = 0.5 * (momentum[k] + after[k]) / mass[k];
+            assert!((START[k] + h * mean - end[k]).abs() < 1e-14);
+        }
+    }
+
+    #[test]
+    fn tangent_spaces_are_orthonormal_and_remove_constraints() {
+        for is_redundant in [false, true] {
+            let system = rod(is_redundant);
+            let mut bodies = ConstrainedBodies::new(&system).unwrap();
+            let mut y = vec![0.1, 0.0, 0.2, 1.0, 0.3, 0.1];
+            bodies.project(0, &mut y).unwrap();
+            let space = bodies.tangent_space(0, [&START, &y], 1.0, &[0.0; 6]).unwrap();
+            assert_eq!(space.left.ncols(), 5);
+            let mass = DMatrix::from_diagonal(&DVector::from_column_slice(system.free_mass()));
+            let unit = space.left.tr_mul(&(&mass * &space.left));
+            assert!((unit - DMatrix::identity(5, 5)).amax() < 1e-13);
+            // Normals of |a − b|² in the middle and at y.
+            let normal = |q: &dyn Fn(usize) -> f64| {
+                DVector::from_fn(6, |k, _| if k < 3 { q(k) - q(k + 3) } else { q(k) - q(k - 3) })
+            };
+            let middle = normal(&|k| 0.5 * (START[k] + y[k]));
+            assert!(space.left.tr_mul(&middle).amax() < 1e-13);
+            assert!(space.right.tr_mul(&normal(&|k| y[k])).amax() < 1e-13);
+        }
+    }
 }

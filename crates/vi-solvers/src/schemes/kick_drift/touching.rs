@@ -97,9 +97,9 @@ struct Drift<'a> {
 
 impl Touching {
     /// Returns the drift of a system. Returns `None` if the system has terms that do not list their pairs, or constraints with
-    /// prescribed coordinates. Also returns `None` for small systems with constraints and friction: the solve for all coordinates
-    /// begins with extrapolated forces, and ten rigid blocks in a stack take 413 iterations and 18 softened solves for 45 steps with
-    /// it, and 751 here, with a drift that had to be halved.
+    /// prescribed coordinates. Also returns `None` for small systems with constraints and friction: ten rigid blocks in a stack take
+    /// 413 iterations and 18 softened solves for 45 steps with the solve for all coordinates, and 751 here, with a drift that had to be
+    /// halved.
     pub(super) fn new(system: &System, tolerance: f64, interrupt: &Interrupt) -> Option<Self> {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
