@@ -21,12 +21,18 @@ pub(crate) use rolling::RollingPair;
 use slip::Slip;
 use vi_core::{Acting, Rubbing, packed_len};
 
-use crate::distance::{Shape, Vec3, at};
+use crate::distance::{Closest, Shape, Vec3, at};
 use crate::pairs::{Contact, Partners, StepPair, StepSettings, pack_rank_one};
 use crate::surface::Law;
 
 /// Relative difference of distances that counts as round-off.
 const SAME_DISTANCE: f64 = 1e-9;
+
+/// Weight of the other end of an edge below which a closest point is at an end, as far as round-off tells.
+const AT_AN_END: f64 = 1e-9;
+
+/// Difference of [`slip::facing`] below which two cells face a point equally, so that neighbours on a smooth surface do.
+const SAME_FACING: f64 = 0.1;
 
 /// Relative error of a traction that counts as that of its law.
 const LAWFUL: f64 = 1e-6;
@@ -358,7 +364,7 @@ impl Contact<'_> {
                 // lines may be far away.
                 let nodes = self.edge_nodes([a, b]);
                 let closest = Shape::EdgeEdge.closest(&nodes.map(|node| at(x[0], node)));
-                if closest.support() != 0b1111 {
+                if closest.weights.iter().any(|weight| weight.abs() < AT_AN_END) {
                     return None;
                 }
                 Some((0, Slip::new(Shape::EdgeEdge, nodes, [0, 1], x)?))
@@ -372,8 +378,9 @@ impl Contact<'_> {
     }
 
     /// Returns the cell of a body that is nearest to a point at x. Of cells that are equally near up to round-off, such as
-    /// those of an edge, it is `kept`, or the one with the nearest centroid: the choice must not depend on numbers of
-    /// nodes and cells.
+    /// those of an edge, only those that face the point count: at the edge of a block, friction acts along the face on which the point
+    /// lies, and not along the other one, whose tangents contain the direction of pressure. Of these it is `kept`, or the one with
+    /// the nearest centroid: the choice must not depend on numbers of nodes and cells.
     pub(crate) fn nearest_cell(&self, point: u32, body: u32, x: &[f64], kept: Option<u32>) -> Option<u32> {
         let surface = self.surface;
         let node = surface.points[point as usize].node;
@@ -383,24 +390,28 @@ impl Contact<'_> {
             let shape = surface.cells[cell as usize].shape();
             (shape, [node, a, b, c].map(|node| at(x, node)))
         };
-        let distance = |cell: u32| {
+        let closest = |cell: u32| {
             let (shape, x) = place(cell);
-            shape.closest(&x).distance()
+            shape.closest(&x)
         };
         let to_centroid = |cell: u32| {
             let (shape, [point, corners @ ..]) = place(cell);
             let corners = &corners[..shape.arity() - 1];
             (point - corners.iter().sum::<Vec3>() / corners.len() as f64).norm()
         };
-        let distances: Vec<f64> = cells.iter().map(|&cell| distance(cell)).collect();
-        let nearest = distances.iter().copied().fold(f64::INFINITY, f64::min);
-        let is_nearest = |distance: f64| distance <= nearest * (1.0 + SAME_DISTANCE);
-        let kept =
-            kept.filter(|kept| cells.binary_search(kept).is_ok_and(|place| is_nearest(distances[place])));
-        kept.or_else(|| {
-            let ties = cells.iter().zip(&distances).filter(|(_, distance)| is_nearest(**distance));
-            ties.map(|(&cell, _)| cell).min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b)))
-        })
+        let all: Vec<_> = cells.iter().map(|&cell| (cell, closest(cell))).collect();
+        let nearest = all.iter().map(|(_, closest)| closest.distance()).fold(f64::INFINITY, f64::min);
+        let is_nearest = |closest: &Closest| closest.distance() <= nearest * (1.0 + SAME_DISTANCE);
+        let facing = |(cell, closest): &(u32, Closest)| {
+            let (shape, x) = place(*cell);
+            (*cell, slip::facing(shape, &x, closest.vector))
+        };
+        let ties: Vec<_> = all.iter().filter(|(_, closest)| is_nearest(closest)).map(facing).collect();
+        let most = ties.iter().map(|&(_, facing)| facing).fold(0.0, f64::max);
+        let facing =
+            || ties.iter().filter(|&&(_, facing)| facing >= most - SAME_FACING).map(|&(cell, _)| cell);
+        let kept = kept.filter(|&kept| facing().any(|cell| cell == kept));
+        kept.or_else(|| facing().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))
     }
 
     /// Returns the stretch of an anchor in the frame of `cell` at x₀: rotated into its plane, with the same length.

@@ -68,6 +68,21 @@ fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
     [a[0][0] * v[0] + a[0][1] * v[1], a[1][0] * v[0] + a[1][1] * v[1]]
 }
 
+/// Returns the squared sine of the angle between r ≠ 0, from a cell to a point, and the plane or line of the cell: 1 if r is normal
+/// to it, and 0 if the point is beyond the cell in its plane.
+pub(super) fn facing(shape: Shape, x: &[Vec3; 4], r: Vec3) -> f64 {
+    let (_, to_e, count) = pattern(shape);
+    let [first, second] = to_e.map(|weights| combine(&weights, x));
+    match count {
+        0 => 1.0,
+        1 => first.cross(&r).norm_squared() / (first.norm_squared() * r.norm_squared()),
+        _ => {
+            let normal = first.cross(&second);
+            normal.dot(&r).powi(2) / (normal.norm_squared() * r.norm_squared())
+        }
+    }
+}
+
 impl Slip {
     /// Returns the slip of a pair between the positions x₀ and x₁; `None` if it has no frame: a point against a
     /// point, or parallel edges. The tangents follow the vector between two of its nodes.

@@ -5,8 +5,8 @@
 //! change of closest features. The pairs are simplices and not features, so their energies add up from step to step.
 //!
 //! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull. It
-//! dissipates D = τ C'' Δd²/h ≥ 0. It acts on the pairs that inclusion and exclusion adds, not on those that it
-//! subtracts.
+//! dissipates D = τ C'' Δd²/h ≥ 0. Like forces, it is subtracted for the pairs that inclusion and exclusion subtracts: otherwise it
+//! would be doubled, in one jump, where a point passes from one cell to the next.
 
 use vi_core::StepSpan;
 
@@ -96,7 +96,7 @@ pub struct StepPair {
     pub stiffness: f64,
     /// C₀ and C₁, J.
     pub energy: [f64; 2],
-    /// Energy that damping dissipates, J: Σ G·Δx = C₁ − C₀ + dissipated.
+    /// Energy that damping dissipates, J: Σ G·Δx = C₁ − C₀ + dissipated; negative for pairs that inclusion and exclusion subtracts.
     pub dissipated: f64,
     /// The smaller gap of both ends, m.
     pub gap: f64,
@@ -207,13 +207,12 @@ impl Quotient {
     fn new(strength: &Strength, ends: [f64; 2], change: f64, rate: f64) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;
         let [s0, s1] = ends.map(|distance| gauge.relative(distance));
-        let energy = n * gauge.energy;
-        let per_square = energy / (gauge.distance * gauge.distance);
-        let elastic = energy / gauge.distance * blend.quotient(s0, s1);
+        let per_square = gauge.energy / (gauge.distance * gauge.distance);
+        let elastic = gauge.energy / gauge.distance * blend.quotient(s0, s1);
         let mut stiffness = per_square * blend.quotient_slope(s0, s1);
         let mut tangent = stiffness;
         let mut slope = elastic;
-        if rate > 0.0 && n > 0.0 {
+        if rate > 0.0 {
             let middle = 0.5 * (s0 + s1);
             let viscosity = rate * per_square * blend.curvature(middle);
             slope += viscosity * change;
@@ -224,12 +223,13 @@ impl Quotient {
                 (slope, stiffness, tangent) = (0.0, 0.0, 0.0);
             }
         }
+        let energy = n * gauge.energy;
         Self {
-            slope,
-            stiffness,
-            tangent,
+            slope: n * slope,
+            stiffness: n * stiffness,
+            tangent: n * tangent,
             energy: [energy * blend.value(s0), energy * blend.value(s1)],
-            dissipated: (slope - elastic) * change,
+            dissipated: n * (slope - elastic) * change,
             gap: s0.min(s1) * gauge.distance,
             relative: [s0, s1],
         }

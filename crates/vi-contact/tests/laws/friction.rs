@@ -223,3 +223,31 @@ fn a_block_slides_where_the_slope_is_steeper_than_friction() {
     let [_, path] = run(0.5);
     assert!((path / 0.328573 - 1.0).abs() < 1e-3, "{path}");
 }
+
+/// Over a corner of a block, slip is measured along the face that presses, whatever the order of the cells is: to come nearer is
+/// not to slip.
+#[test]
+fn slip_at_a_corner_is_along_the_face_that_presses() {
+    let corners = (0..8).map(|k| [0, 1, 2].map(|axis: usize| if k >> axis & 1 == 1 { 1.0 } else { 0.0 }));
+    let place = |point: [f64; 3]| std::iter::once(point).chain(corners.clone()).collect::<Vec<_>>().concat();
+    // The faces x = 1, y = 1 and z = 1, which share the corner (1, 1, 1). The last one is cut there, so that its cells have the
+    // most distant centroids.
+    let faces = [[[1, 3, 5], [3, 7, 5]], [[2, 3, 6], [3, 7, 6]], [[4, 5, 7], [4, 7, 6]]];
+    let (x0, x1) = (place([1.0, 1.0, 1.05]), place([1.003, 1.002, 1.04]));
+    for order in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+        let mut builder = SurfaceBuilder::new(&x0);
+        let bodies = [builder.body(body(0.1, 1e4)), builder.body(body(0.1, 1e4))];
+        builder.point(bodies[0], 0, 0.1);
+        let cells = order.map(|face: usize| faces[face].map(|cell| cell.map(|corner| 1 + corner))).concat();
+        builder.triangles(bodies[1], &cells);
+        builder.friction(0.3);
+        let surface = builder.build().expect("a valid surface");
+        let neighbours = Neighbours::find(&surface, &x0, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let pairs = contact.step(&x0, &x1, &STEP);
+        let rubs = contact.friction(&x0, &x1, &pairs, &Anchors::default(), &STEP);
+        assert_eq!(rubs.len(), 1);
+        let error = rubs[0].slip - Vec3::new(0.003, 0.002, 0.0);
+        assert!(error.norm() <= 1e-15, "{order:?}: {:?}", rubs[0].slip);
+    }
+}

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use crate::support::{Numbers, Sheet, Vec3, at, body};
 use vi_contact::{
-    ActivePair, Barrier, Body, Contact, ContactPotential, Neighbours, Partners, StepSettings, Surface,
-    SurfaceBuilder,
+    ActivePair, Barrier, Body, Contact, ContactPotential, Neighbours, Partners, StepPair, StepSettings,
+    Surface, SurfaceBuilder,
 };
 use vi_core::Potential;
 
@@ -341,6 +341,34 @@ fn damping_takes_energy_and_never_pulls() {
             let size = pair.energy[0] + pair.energy[1] + pair.dissipated;
             assert!((work - change - pair.dissipated).abs() <= 1e-13 * size);
         }
+    }
+}
+
+/// A point that moves over the edge between two cells of a plane is damped as if it stayed over one of them.
+#[test]
+fn damping_does_not_depend_on_cells() {
+    let force = |from: f64, to: f64| {
+        let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let place = |along: f64, z: f64| [&[[0.5 + along, 0.5, z]][..], &corners[..]].concat().concat();
+        let (x0, x1) = (place(from, 0.06), place(to, 0.04));
+        let mut builder = SurfaceBuilder::new(&x0);
+        let (ball, ground) = (builder.body(body(0.1, 1e5)), builder.body(body(0.1, 1e5)));
+        builder.point(ball, 0, 1e-2);
+        builder.triangles(ground, &[[1, 2, 3], [1, 3, 4]]);
+        builder.damping(0.01);
+        let surface = builder.build().expect("a valid surface");
+        let neighbours = Neighbours::find(&surface, &x0, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let pairs = contact.step(&x0, &x1, &STEP);
+        let total = |value: &dyn Fn(&StepPair) -> f64| pairs.iter().map(value).sum::<f64>();
+        (total(&|pair| pair.force()[2]), total(&|pair| pair.dissipated))
+    };
+    let (expected, dissipated) = force(0.1, 0.1);
+    assert!(dissipated > 0.5 * expected * 0.02, "damping is a large part of the force");
+    for (from, to) in [(1e-6, -1e-6), (1e-6, 0.0), (0.0, 0.0), (1e-17, -1e-17), (-1e-9, 1e-6)] {
+        let (found, taken) = force(from, to);
+        assert!((found / expected - 1.0).abs() < 1e-6, "{from} {to}: {found} and not {expected}");
+        assert!((taken / dissipated - 1.0).abs() < 1e-6, "{from} {to}: {taken} and not {dissipated}");
     }
 }
 
