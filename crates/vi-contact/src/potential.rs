@@ -153,10 +153,6 @@ impl Live for ContactTerm {
         true
     }
 
-    fn has_friction(&self) -> bool {
-        self.surface.has_friction()
-    }
-
     fn is_finite_on_free_paths(&self) -> bool {
         true
     }

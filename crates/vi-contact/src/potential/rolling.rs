@@ -52,10 +52,6 @@ impl Live for RollingTerm {
         true
     }
 
-    fn has_friction(&self) -> bool {
-        true
-    }
-
     fn is_finite_on_free_paths(&self) -> bool {
         true
     }

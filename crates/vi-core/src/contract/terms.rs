@@ -152,11 +152,6 @@ pub trait Live: Send + Sync {
         false
     }
 
-    /// Returns whether friction may act between its parts.
-    fn has_friction(&self) -> bool {
-        false
-    }
-
     /// Returns whether its energy is finite at the end of every path on which nothing meets
     /// ([`Potential::meetings`]). The end of such a path need not be evaluated to know this.
     fn is_finite_on_free_paths(&self) -> bool {

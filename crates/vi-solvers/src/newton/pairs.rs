@@ -32,7 +32,7 @@ const FORCING: f64 = 1e-4;
 /// The largest number of equations and constraints whose complete tangent is factored. With 180 (ten rigid blocks) a step takes a
 /// third of the time of GMRES. Scenes of `stress --contact`, at most about this size, gain in robustness; where time is lost was not
 /// measured.
-pub(crate) const MOST_DIRECT: usize = 1000;
+const MOST_DIRECT: usize = 1000;
 /// Cost of a factor of the complete tangent relative to one of the symmetric model, with which the products of GMRES are compared.
 /// When one correction took more work in products, the later ones of the step are found by complete factors. Processor time of
 /// energy–momentum steps with friction: jelly, cloth and ball together (1450 equations) take 58 s with GMRES alone and 15.5, 13.5,

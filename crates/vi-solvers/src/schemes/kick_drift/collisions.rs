@@ -79,10 +79,6 @@ impl Live for InDrift {
         self.0.lists_pairs()
     }
 
-    fn has_friction(&self) -> bool {
-        self.0.has_friction()
-    }
-
     fn is_finite_on_free_paths(&self) -> bool {
         self.0.is_finite_on_free_paths()
     }
