@@ -236,6 +236,7 @@ impl Collisions {
             }
             Way::Touching(touching) => {
                 let remembered = touching.keep();
+                touching.ledger = ledger;
                 match Self::pass_touching(touching, &self.system, &mut self.state, h, HALVINGS, &mut drifted)
                 {
                     Ok(false) => return Ok(None),

@@ -60,6 +60,9 @@ pub(super) struct Touching {
     lists: Lists,
     passage: Passage,
     tolerance: f64,
+    /// Whether the work of forces is that at the solution, for which they are evaluated once more; otherwise it is that of the
+    /// forces before the last correction.
+    pub(super) ledger: bool,
     /// Looked at in every iteration.
     interrupt: Interrupt,
     /// The free coordinate of each coordinate, or [`NONE`].
@@ -116,6 +119,7 @@ impl Touching {
             lists: Lists::new(live.to_vec(), coordinates),
             passage: Passage::new(live.len()),
             tolerance,
+            ledger: false,
             interrupt: interrupt.clone(),
             free_of: free_of(coordinates),
             acting: Acting::default(),
@@ -307,6 +311,14 @@ impl Touching {
     ) -> Result<StepEnergy, SolverError> {
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
         let c = 0.5 * h * h;
+        if self.ledger {
+            self.acting = Acting::default();
+            self.over_step().iter().for_each(|term| {
+                term.acting(&self.x_start, &self.x_end, &mut self.acting);
+            });
+            self.work.pair_forces += self.acting.count() as u64;
+            self.small.load(system, &self.free_of, &self.acting, c, &self.y);
+        }
         let numbered: Vec<(usize, Arc<dyn Potential>)> =
             self.lists.terms().iter().cloned().enumerate().collect();
         let outcome = self.passage.close(&numbered, &self.x_start, &self.x_end);
@@ -318,7 +330,6 @@ impl Touching {
         self.lists.end_step(&self.x_end);
         let mut energy =
             StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
-        // The force is that of the last iteration, before the last correction.
         let force = &self.small;
         for (k, place) in self.small.coordinates() {
             let change = self.y[k] - state.q[k];
