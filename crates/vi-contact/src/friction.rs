@@ -402,16 +402,17 @@ impl Contact<'_> {
         let all: Vec<_> = cells.iter().map(|&cell| (cell, closest(cell))).collect();
         let nearest = all.iter().map(|(_, closest)| closest.distance()).fold(f64::INFINITY, f64::min);
         let is_nearest = |closest: &Closest| closest.distance() <= nearest * (1.0 + SAME_DISTANCE);
-        let facing = |(cell, closest): &(u32, Closest)| {
-            let (shape, x) = place(*cell);
-            (*cell, slip::facing(shape, &x, closest.vector))
+        let with_facing = |&(cell, closest): &(u32, Closest)| {
+            let (shape, x) = place(cell);
+            (cell, slip::facing(shape, &x, closest.vector))
         };
-        let ties: Vec<_> = all.iter().filter(|(_, closest)| is_nearest(closest)).map(facing).collect();
+        let mut ties: Vec<_> =
+            all.iter().filter(|(_, closest)| is_nearest(closest)).map(with_facing).collect();
         let most = ties.iter().map(|&(_, facing)| facing).fold(0.0, f64::max);
-        let facing =
-            || ties.iter().filter(|&&(_, facing)| facing >= most - SAME_FACING).map(|&(cell, _)| cell);
-        let kept = kept.filter(|&kept| facing().any(|cell| cell == kept));
-        kept.or_else(|| facing().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))
+        ties.retain(|&(_, facing)| facing >= most - SAME_FACING);
+        let ties = || ties.iter().map(|&(cell, _)| cell);
+        let kept = kept.filter(|&kept| ties().any(|cell| cell == kept));
+        kept.or_else(|| ties().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))
     }
 
     /// Returns the stretch of an anchor in the frame of `cell` at x₀: rotated into its plane, with the same length.
