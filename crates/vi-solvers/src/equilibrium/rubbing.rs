@@ -121,10 +121,6 @@ impl Frictional for Rubbing<'_, '_> {
         self.q.copy_from_slice(unknowns);
     }
 
-    fn iterations(&self) -> u32 {
-        self.done
-    }
-
     fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {
         if let Some(friction) = &mut self.balance.friction {
             friction.set_stiffness(aim.stiffness);

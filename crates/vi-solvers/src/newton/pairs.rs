@@ -142,22 +142,12 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
     fn solve(&mut self) -> Result<(), SolverError> {
         let (start, tolerance) = (self.newton.renewal.start, self.newton.tolerance);
         let most = self.newton.max_iterations;
-        let mut failed = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance };
-        let mut has_friction = true;
-        if !self.newton.renewal.has_descended {
-            match soft_bristles::solve_plainly(self, start, tolerance, most) {
-                Ok(()) => return Ok(()),
-                Err(error) => failed = error,
-            }
-            has_friction = self.solve.evaluator.pairs().is_some_and(Pairs::has_friction);
-        }
+        let Err(failed) = soft_bristles::solve_plainly(self, start, tolerance, most) else { return Ok(()) };
+        let has_friction = self.solve.evaluator.pairs().is_some_and(Pairs::has_friction);
         let can_be_divided = matches!(self.newton.budget, Budget::Seconds(_));
         let attempts = Attempt::after_plain(start, can_be_divided, has_friction);
         self.solve.evaluator.work.softenings += u64::from(!attempts.is_empty());
-        let is_same = soft_bristles::solve_in_stages(self, &attempts, failed, tolerance, most)?;
-        // If friction was as soft as it is stiff, the next step begins without softening.
-        self.newton.renewal.has_descended = !is_same;
-        Ok(())
+        soft_bristles::solve_in_stages(self, &attempts, failed, tolerance, most)
     }
 }
 
@@ -177,10 +167,6 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
 
     fn go_to(&mut self, unknowns: &[f64]) {
         self.solve.equations.go_to(unknowns);
-    }
-
-    fn iterations(&self) -> u32 {
-        self.done
     }
 
     fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {

@@ -30,7 +30,7 @@ pub(crate) struct Renewal {
     contraction: f64,
     /// The kind of initial guess for a step: the best one in the last comparison.
     pub(crate) start: Start,
-    /// Whether the last step needed full Newton steps, or bristles of friction that were soft at first.
+    /// Whether the last step needed full Newton steps.
     pub(crate) has_descended: bool,
 }
 

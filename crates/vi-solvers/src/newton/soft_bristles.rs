@@ -23,8 +23,6 @@ const SOFT: f64 = 1e-2;
 const SOFTEST: f64 = 1e-6;
 const LARGEST_RATIO: f64 = 10.0;
 const SMALLEST_RATIO: f64 = 1.2;
-/// Stages that need no more iterations than this did not change the state of friction.
-const SAME: u32 = 2;
 /// The error to which a stage is solved, and its largest number of iterations. Those that converge need two to five.
 const STAGE_TOLERANCE: f64 = 1e-3;
 const STAGE_ITERATIONS: u32 = 15;
@@ -122,8 +120,6 @@ pub(crate) trait Frictional {
     fn go_to(&mut self, unknowns: &[f64]);
     /// Iterates from the unknowns to the aim.
     fn iterate(&mut self, aim: Aim) -> Result<(), SolverError>;
-    /// Returns the number of iterations made so far.
-    fn iterations(&self) -> u32;
 }
 
 /// Solves the equations with bristles of full stiffness.
@@ -137,8 +133,7 @@ pub(crate) fn solve_plainly(
     series.iterate(Aim { tolerance, most: PLAIN_ITERATIONS.min(most), stiffness: 1.0, is_uniform: false })
 }
 
-/// Solves the equations with bristles that become stiffer from stage to stage, attempt by attempt until one succeeds. Returns
-/// whether the stages made no difference.
+/// Solves the equations with bristles that become stiffer from stage to stage, attempt by attempt until one succeeds.
 ///
 /// # Errors
 /// Returns the error of the last attempt; `failed`, that of the plain attempt, if there is none or if it was interrupted.
@@ -148,7 +143,7 @@ pub(crate) fn solve_in_stages(
     failed: SolverError,
     tolerance: f64,
     most: u32,
-) -> Result<bool, SolverError> {
+) -> Result<(), SolverError> {
     let mut outcome = Err(failed);
     for attempt in attempts {
         match &outcome {
@@ -164,22 +159,19 @@ fn stiffen(
     Attempt { start, softest, is_uniform }: Attempt,
     tolerance: f64,
     most: u32,
-) -> Result<bool, SolverError> {
+) -> Result<(), SolverError> {
     let most = if is_uniform { UNIFORM_ITERATIONS } else { STAGE_ITERATIONS.min(most) };
     series.begin(start);
     // Stiffness of the last solution, and the ratio of the next to it.
     let (mut reached, mut ratio) = (softest / LARGEST_RATIO, LARGEST_RATIO);
-    let mut is_same = true;
     loop {
         let stiffness = (ratio * reached).min(1.0);
         let is_stage = stiffness < 1.0;
         let tolerance = if is_stage { STAGE_TOLERANCE } else { tolerance };
         let place = series.unknowns();
-        let before = series.iterations();
         let outcome = series.iterate(Aim { tolerance, most, stiffness, is_uniform });
-        is_same &= reached < softest || series.iterations() - before <= SAME;
         match outcome {
-            Ok(()) if !is_stage => return Ok(is_same),
+            Ok(()) if !is_stage => return Ok(()),
             Ok(()) => (reached, ratio) = (stiffness, (ratio * ratio).min(LARGEST_RATIO)),
             Err(error) if error.is_interruption() => return Err(error),
             Err(_) if reached >= softest && ratio > SMALLEST_RATIO => {

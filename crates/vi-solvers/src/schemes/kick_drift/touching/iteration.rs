@@ -103,10 +103,6 @@ impl Frictional for Drift<'_> {
         self.touching.y.copy_from_slice(unknowns);
     }
 
-    fn iterations(&self) -> u32 {
-        self.iterations
-    }
-
     fn iterate(&mut self, aim: Aim) -> Result<(), SolverError> {
         let Self { touching, system, state, h, longest, iterations, is_free, acts } = self;
         let (coordinates, mass) = (system.coordinates(), system.free_mass());
