@@ -260,7 +260,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
             newton.anderson.advance(delta, 1.0);
             solve.evaluator.predict_tractions(END_PER_STAGE, delta);
             let contracts = eta < KEEPING * last;
-            let is_made = approach(solve)? == 1.0;
+            let is_made = approach(solve, progress.part())? == 1.0;
             if !is_made {
                 progress.interrupt();
             }
@@ -300,9 +300,12 @@ fn direct_pays<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool 
     is_possible && products as f64 * costs.solve > COMPLETE_FACTOR * costs.factor
 }
 
-/// Evaluates at the end of the correction, or at less of it if that is outside the domain of a term. Returns the fraction.
-fn approach<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, SolverError> {
-    let mut fraction = 1.0;
+/// Evaluates after this part of the correction, or after less of it if that is outside the domain of a term. Returns the part.
+fn approach<E: Equations>(solve: &mut Solve<'_, E>, part: f64) -> Result<f64, SolverError> {
+    let mut fraction = part;
+    if fraction < 1.0 {
+        solve.equations.advance(fraction);
+    }
     loop {
         let outcome = solve.evaluate();
         if outcome.is_ok() || fraction <= SHORTEST {

@@ -178,6 +178,11 @@ impl Frictional for Drift<'_> {
                 Verdict::Hopeless => break,
                 Verdict::Continue => {}
             }
+            if progress.part() < 1.0 {
+                let back = progress.part() - 1.0;
+                vectors::update(&mut touching.y, |k, y| *y += back * delta[k]);
+                touching.project()?;
+            }
         }
         Err(SolverError::NoConvergence { iterations: *iterations, residual: eta, tolerance: aim.tolerance })
     }
