@@ -49,6 +49,12 @@ struct Column {
 impl Column {
     /// Returns the place of the entry of a row; a new entry is zero.
     fn place_of(&mut self, row: u32) -> usize {
+        // Most entries come by ascending rows.
+        if self.rows.last().is_none_or(|last| *last < row) {
+            self.rows.push(row);
+            self.values.push(0.0);
+            return self.rows.len() - 1;
+        }
         match self.rows.binary_search(&row) {
             Ok(place) => place,
             Err(place) => {
@@ -91,7 +97,7 @@ impl Unsymmetric {
         }
     }
 
-    /// Adds factor · S to the leading rows and columns.
+    /// Adds factor · S to the leading rows and columns. The first matrix after [`Unsymmetric::clear`] costs the least.
     pub(crate) fn add_symmetric(&mut self, factor: f64, matrix: &SymmetricMatrix) {
         for (row, column, value) in matrix.lower_triangle() {
             let (row, column, value) = (row as u32, column as u32, factor * value);

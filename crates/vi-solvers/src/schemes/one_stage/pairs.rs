@@ -129,6 +129,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         let Stage { c, w, multipliers, complete: matrix, .. } = &mut *self.stage;
         let c = *c;
         matrix.clear(size);
+        evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
         match self.inertia.matrix() {
             Some(mass) => matrix.add_symmetric(1.0, mass),
             None => {
@@ -136,7 +137,6 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
                 mass.enumerate().for_each(|(k, &mass)| matrix.add(k as u32, k as u32, mass));
             }
         }
-        evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
         if let Some(pairs) = evaluator.pairs() {
             pairs.add_to(END_PER_STAGE * c, matrix);
         }
