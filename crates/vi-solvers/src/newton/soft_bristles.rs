@@ -1,7 +1,8 @@
 //! Newton's method across the kink of friction between sticking and sliding. It can alternate without end between
-//! states in which friction slides to and fro. Three measures prevent this. The tractions of friction are predicted by each linear
+//! states in which friction slides to and fro. Four measures prevent this. The tractions of friction are predicted by each linear
 //! system, and the predictions decide which pairs stick ([`vi_core::Acting`]); far from a solution, tractions follow slips
-//! gradually ([`Progress::penalty`]). If this is not
+//! gradually ([`Progress::penalty`]); and if an error repeats that of two iterations ago, half of the correction is made
+//! ([`Progress::part`]). If this is not
 //! enough, a second attempt begins with soft bristles, which stick over a wide range of slip, and makes them stiffer from
 //! stage to stage. A third attempt does so from still softer ones; below the stiffness with which the second one begins, terms
 //! make their forces stiffer instead, so that pairs that a hard blow brings very close are first found far apart.
