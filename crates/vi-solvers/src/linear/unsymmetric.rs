@@ -50,19 +50,13 @@ impl Column {
     /// Returns the place of the entry of a row; a new entry is zero.
     fn place_of(&mut self, row: u32) -> usize {
         // Most entries come by ascending rows.
-        if self.rows.last().is_none_or(|last| *last < row) {
-            self.rows.push(row);
-            self.values.push(0.0);
-            return self.rows.len() - 1;
-        }
-        match self.rows.binary_search(&row) {
-            Ok(place) => place,
-            Err(place) => {
-                self.rows.insert(place, row);
-                self.values.insert(place, 0.0);
-                place
-            }
-        }
+        let is_last = self.rows.last().is_none_or(|last| *last < row);
+        let found = if is_last { Err(self.rows.len()) } else { self.rows.binary_search(&row) };
+        found.unwrap_or_else(|place| {
+            self.rows.insert(place, row);
+            self.values.insert(place, 0.0);
+            place
+        })
     }
 }
 
