@@ -99,11 +99,6 @@ impl Contact {
         Self { friction, ..Self::default() }
     }
 
-    /// Returns whether there is friction or damping between any bodies.
-    pub fn dissipates(&self) -> bool {
-        self.has_friction() || self.is_damped()
-    }
-
     /// Returns whether there is friction between any bodies.
     pub fn has_friction(&self) -> bool {
         self.friction > 0.0 || self.pairs.iter().any(|pair| pair.friction.is_some_and(|value| value > 0.0))
@@ -185,7 +180,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     }
     if let Some(method) = scene.time.method()
         && scene.statics.is_none()
-        && let Some(message) = refused(&method, contact)
+        && let Some(message) = refused(&method)
     {
         problems.push(Problem::new("time.scheme", message));
     }
@@ -234,7 +229,7 @@ fn without(scene: &Scene) -> Vec<Problem> {
 }
 
 /// Returns why a scheme cannot step a scene with contact; `None` if it can.
-fn refused(method: &Method, contact: &Contact) -> Option<String> {
+fn refused(method: &Method) -> Option<String> {
     let name = method.label();
     let advice = "use stormer-verlet, implicit-midpoint or energy-momentum";
     match method {
@@ -251,9 +246,6 @@ fn refused(method: &Method, contact: &Contact) -> Option<String> {
             "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
              compare backward-euler, bdf2 or newmark"
         )),
-        Method::BackwardEuler | Method::Bdf2 | Method::Newmark { .. } if contact.dissipates() => Some(
-            format!("{name} does not support friction and damping of contact; set both to 0, or {advice}"),
-        ),
         _ => None,
     }
 }

@@ -153,6 +153,10 @@ impl Live for ContactTerm {
         true
     }
 
+    fn dissipates(&self) -> bool {
+        self.surface.has_friction() || self.surface.has_damping()
+    }
+
     fn is_finite_on_free_paths(&self) -> bool {
         true
     }

@@ -19,10 +19,13 @@ use crate::distance::{Shape, Vec3, at};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSettings {
     /// Duration of the step, s; that of the drift if contact acts in the drift. It is infinite between two equilibria:
-    /// then nothing is damped, and bristles act with the force that they have at the end.
+    /// then nothing is damped.
     pub duration: f64,
-    /// The share of damping that acts on velocities at the end of the step instead ([`AT_END`] or zero).
-    pub at_end: f64,
+    /// Whether forces act with the values that they have at the end of the step; see [`StepSpan::acts_at_end`].
+    pub acts_at_end: bool,
+    /// The share of damping that acts on velocities at the end of the step instead: zero, [`AT_END`], or all of it if forces act
+    /// at the end.
+    pub damping_at_end: f64,
 }
 
 /// The share of damping that acts on velocities at the end of a step.
@@ -37,23 +40,28 @@ pub const AT_END: f64 = 1.0 / 16.0;
 impl StepSettings {
     /// Returns the settings of a step of `duration` (s) over which all damping acts.
     pub const fn over(duration: f64) -> Self {
-        Self { duration, at_end: 0.0 }
+        Self { duration, acts_at_end: false, damping_at_end: 0.0 }
     }
 
     /// Returns the settings of a step.
     pub(crate) fn of(span: StepSpan) -> Self {
-        Self { duration: span.duration, at_end: if span.damps_end { AT_END } else { 0.0 } }
+        let damping_at_end = match (span.damps_end, span.acts_at_end) {
+            (false, _) => 0.0,
+            (true, false) => AT_END,
+            (true, true) => 1.0,
+        };
+        Self { duration: span.duration, acts_at_end: span.acts_at_end, damping_at_end }
     }
 
     /// Returns τ/h of the damping over the step.
     pub(crate) fn damping_rate(&self, damping: f64) -> f64 {
-        (1.0 - self.at_end) * damping / self.duration
+        (1.0 - self.damping_at_end) * damping / self.duration
     }
 
     /// Returns the coefficient of the damper of a pair at the end of the step, N s/m. `stiffness` is its tangent over a step
     /// without motion, which is that of a layer or bristle times [`StepSettings::response`].
     pub(crate) fn coefficient_at_end(&self, stiffness: f64, damping: f64) -> f64 {
-        self.at_end * damping * stiffness / self.response(damping)
+        self.damping_at_end * damping * stiffness / self.response(damping)
     }
 
     /// Returns whether the step leads from one equilibrium to the next.
@@ -61,10 +69,15 @@ impl StepSettings {
         self.duration.is_infinite()
     }
 
-    /// Returns r of the traction k (e₀ + r u) of a bristle that sticks, with the damping time τ: ½ + τ/h over a step, and 1
-    /// at its end.
+    /// Returns r of the traction k (e₀ + r u) of a bristle that sticks, with the damping time τ: ½ + τ/h between both ends of a step,
+    /// and 1 at its end.
     pub(crate) fn response(&self, damping: f64) -> f64 {
-        if self.is_equilibrium() { 1.0 } else { 0.5 + self.damping_rate(damping) }
+        if self.acts_at_end { 1.0 } else { 0.5 + self.damping_rate(damping) }
+    }
+
+    /// Returns the positions between which pairs act, given both ends of the step.
+    pub(crate) fn places<'a>(&self, [start, end]: [&'a [f64]; 2]) -> [&'a [f64]; 2] {
+        if self.acts_at_end { [end, end] } else { [start, end] }
     }
 }
 
@@ -135,6 +148,11 @@ impl StepPair {
         if let Some(Parallel { by, .. }) = &mut self.parallel {
             by.iter_mut().for_each(|by| *by *= 2.0);
         }
+    }
+
+    /// Converts the symmetric part of the tangent likewise.
+    pub(crate) fn stiffen_both_ends(&mut self) {
+        self.stiffness *= 2.0;
     }
 
     /// Calls `each` with the factors a and b of the change of the force with the distance, of ∂G/∂x₁ ≈ Σ a ⊗ b.

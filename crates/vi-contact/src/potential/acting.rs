@@ -90,7 +90,7 @@ impl ContactPotential {
     /// Adds the forces between x₀ and x₁ and their tangents.
     pub(super) fn add_acting(&self, x: [&[f64]; 2], out: &mut Acting) {
         self.for_each_acting(x, out, |pairs, out| {
-            // Between equilibria, the normal force is that of the potential.
+            // Between equilibria, the normal force is that of the potential, which acts separately.
             if !self.is_equilibrium() {
                 self.add_normal(pairs, x, out);
             }
@@ -105,23 +105,22 @@ impl ContactPotential {
     /// factor. Hard blows that bring many pairs very close at once are then found from gaps that are all wide, and become
     /// narrower together, as on the central path of interior-point methods.
     ///
-    /// Between equilibria, the pairs are those that act at x₁, with the layer that they have.
+    /// If forces act at the end of the step, the pairs are those that act at x₁. Between equilibria, they have the layer that they have.
     pub(super) fn for_each_acting(
         &self,
         x: [&[f64]; 2],
         out: &mut Acting,
         each: impl Fn(&[StepPair], &mut Acting) + Sync,
     ) {
-        let is_equilibrium = self.is_equilibrium();
-        let x = if is_equilibrium { [x[1], x[1]] } else { x };
+        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
+        let x = settings.places(x);
         let neighbours = self.neighbours.near_path(&self.surface, x, Gauge::reach);
         let contact = Contact { surface: &self.surface, neighbours: &neighbours };
-        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
         let near = neighbours.near();
         let empty = out.part();
-        let layer = if is_equilibrium { 1.0 } else { (SOFT / out.stiffness).max(1.0) };
+        let layer = if settings.is_equilibrium() { 1.0 } else { (SOFT / out.stiffness).max(1.0) };
         let chunk = |pairs: &mut [StepPair], out: &mut Vec<Acting>| {
-            if is_equilibrium {
+            if settings.acts_at_end {
                 pairs.iter_mut().for_each(StepPair::move_both_ends);
             }
             if layer != 1.0 {
@@ -160,6 +159,7 @@ impl ContactPotential {
     }
 
     fn add_normal(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
+        let places = self.step.as_ref().map_or(x, |step| step.settings.places(x));
         for pair in pairs.iter().filter(|pair| pair.energy != [0.0; 2]) {
             let nodes = &pair.nodes;
             out.add_gradient(covector(nodes, &pair.gradient, 1.0));
@@ -167,7 +167,7 @@ impl ContactPotential {
                 out.add_tangent(covector(nodes, along, 1.0), covector(nodes, change, 1.0));
             });
             if out.turns {
-                pair.each_turn(x, |left, right| {
+                pair.each_turn(places, |left, right| {
                     out.add_tangent(covector(nodes, left, 1.0), covector(nodes, right, 1.0));
                 });
             }

@@ -43,7 +43,7 @@ impl TangentialDampers<'_> {
 impl ContactPotential {
     /// Appends the dampers of the pairs at x with these velocities.
     pub(super) fn add_dampers(&self, x: &[f64], velocity: &[f64], out: &mut Vec<Damper>) {
-        let Some(step) = self.step.as_ref().filter(|step| step.settings.at_end > 0.0) else { return };
+        let Some(step) = self.step.as_ref().filter(|step| step.settings.damping_at_end > 0.0) else { return };
         self.for_each_step(0..self.neighbours.count(), [x, x], |_, acting, _| match acting {
             Force::Normal(pair) => self.add_normal_damper(pair, &step.settings, velocity, out),
             Force::Friction(pair) if pair.slid => {}

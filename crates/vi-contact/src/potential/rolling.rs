@@ -52,6 +52,10 @@ impl Live for RollingTerm {
         true
     }
 
+    fn dissipates(&self) -> bool {
+        true
+    }
+
     fn is_finite_on_free_paths(&self) -> bool {
         true
     }
@@ -136,7 +140,7 @@ impl RollingPotential {
         let Some(step) = &self.step else { return };
         let contact = self.contact.contact();
         let (mut group, mut normal, mut rubbing) = (Group::new(), Vec::new(), Vec::<RollingPair>::new());
-        let of_normal = if step.settings.is_equilibrium() { [x[1], x[1]] } else { x };
+        let of_normal = step.settings.places(x);
         let mut known = None;
         for stencil in range {
             let Candidate { partners, cell, number } = self.candidates[stencil];

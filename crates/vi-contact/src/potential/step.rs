@@ -85,12 +85,15 @@ impl ContactPotential {
                 out.extend(contact.friction_of_each(pairs, x, &step.anchors, settings));
             }
         };
-        let of_normal = if self.is_equilibrium() { [x[1], x[1]] } else { x };
+        let of_normal = settings.places(x);
         let cells = self.neighbours.cells.len();
         let (mut group, mut pairs, mut rubbing) = (Group::new(), Vec::new(), Vec::new());
         for point in self.points_from(&range) {
             pairs.clear();
             contact.step_of_point(point, of_normal, settings, &mut group, &mut pairs);
+            if settings.acts_at_end {
+                pairs.iter_mut().for_each(StepPair::stiffen_both_ends);
+            }
             friction(&pairs, &mut rubbing);
             let all = pairs.iter().map(Force::Normal).chain(rubbing.iter().map(Force::Friction));
             for acting in all {
@@ -113,7 +116,10 @@ impl ContactPotential {
             } else {
                 contact.step_of_plane(number - edges, of_normal, settings)
             };
-            if let Some(pair) = pair {
+            if let Some(mut pair) = pair {
+                if settings.acts_at_end {
+                    pair.stiffen_both_ends();
+                }
                 friction(std::slice::from_ref(&pair), &mut rubbing);
                 each(stencil, Force::Normal(&pair), [0, 1, 2, 3]);
                 rubbing.iter().for_each(|pair| each(stencil, Force::Friction(pair), [0, 1, 2, 3]));

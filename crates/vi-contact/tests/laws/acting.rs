@@ -8,7 +8,9 @@ use vi_contact::{ContactPotential, Surface};
 use vi_core::{Acting, DiscreteGradient, Potential, StepSpan, Tube};
 
 /// A step over which all damping acts.
-const OVER: StepSpan = StepSpan { duration: 1e-3, damps_end: false };
+const OVER: StepSpan = StepSpan { duration: 1e-3, acts_at_end: false, damps_end: false };
+/// A step in which forces act at the end.
+const AT_END: StepSpan = StepSpan { acts_at_end: true, ..OVER };
 
 /// Returns two sheets half a layer apart, shifted against each other, and a motion that presses and slides them.
 fn sheets(friction: f64) -> (Arc<Surface>, [Vec<f64>; 2]) {
@@ -33,12 +35,16 @@ fn sum(acting: &Acting, count: usize) -> Vec<f64> {
 }
 
 #[test]
-fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
+fn pairs_sum_to_the_forces_of_a_step_with_friction_and_in_a_narrowed_list() {
+    [OVER, AT_END].into_iter().for_each(sum_to_the_forces_of);
+}
+
+fn sum_to_the_forces_of(span: StepSpan) {
     let (surface, [start, end]) = sheets(0.4);
     let wide = ContactPotential::near(surface, &start, 0.1);
     let narrow = wide.narrowed(&Tube::about(&start, 3e-3)).expect("contact narrows");
     assert!(narrow.stencils().count() < wide.stencils().count());
-    let over = wide.over_step(OVER, &[]).expect("friction acts over a step");
+    let over = wide.over_step(span, &[]).expect("friction acts over a step");
     let stencils = wide.stencils();
     let mut blocks = vec![0.0; stencils.count() * stencils.size()];
     over.gradients(0..stencils.count(), &start, &end, &mut blocks);
@@ -48,7 +54,7 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
             (0..3).for_each(|axis| expected[3 * node as usize + axis] += three[axis]);
         }
     }
-    let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(OVER, &[]));
+    let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(span, &[]));
     for term in [over, narrow.expect("friction acts over a step")] {
         let mut acting = Acting::default();
         term.acting(&start, &end, &mut acting);
@@ -58,6 +64,51 @@ fn pairs_sum_to_the_discrete_gradient_with_friction_and_in_a_narrowed_list() {
             assert!((found - expected).abs() <= 1e-13 * largest, "{found} {expected}");
         }
     }
+}
+
+/// Without friction, forces at the end of a step are the derivatives of the energy there, and their symmetric tangent is part of its
+/// second derivative: along the normal of two parallel sheets, all of it.
+#[test]
+fn forces_at_the_end_are_the_gradient_there() {
+    let (surface, [start, end]) = sheets(0.0);
+    let contact = ContactPotential::near(surface, &start, 0.1);
+    let term = contact.over_step(AT_END, &[]).expect("contact acts over a step");
+    let stencils = contact.stencils();
+    let mut expected = vec![0.0; stencils.count() * stencils.size()];
+    let mut found = expected.clone();
+    Potential::gradients(&contact, 0..stencils.count(), &end, 0.0, &mut expected);
+    term.gradients(0..stencils.count(), &start, &end, &mut found);
+    let largest = expected.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+    assert!(largest > 0.0);
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() <= 1e-12 * largest, "{found} {expected}");
+    }
+    let approach = |k: usize| if k % 3 == 2 && start[k] > 0.01 { -1.0 } else { 0.0 };
+    let along = |blocks: &[f64]| -> f64 {
+        let packed = vi_core::packed_len(stencils.size());
+        let of_block = |(stencil, block): (usize, &[f64])| {
+            let v: Vec<f64> = stencils
+                .of(stencil)
+                .iter()
+                .flat_map(|&node| (0..3).map(move |k| approach(3 * node as usize + k)))
+                .collect();
+            let mut sum = 0.0;
+            for row in 0..v.len() {
+                for column in 0..=row {
+                    let twice = if row == column { 1.0 } else { 2.0 };
+                    sum += twice * v[row] * v[column] * block[vi_core::packed_len(row) + column];
+                }
+            }
+            sum
+        };
+        blocks.chunks_exact(packed).enumerate().map(of_block).sum()
+    };
+    let count = stencils.count() * vi_core::packed_len(stencils.size());
+    let (mut whole, mut part) = (vec![0.0; count], vec![0.0; count]);
+    contact.hessians(0..stencils.count(), &start, 0.0, &mut whole);
+    term.tangents(0..stencils.count(), &start, &start, &mut part);
+    let [whole, part] = [along(&whole), along(&part)];
+    assert!(whole > 0.0 && (part / whole - 1.0).abs() < 1e-9, "{part:e} {whole:e}");
 }
 
 /// Bounds spare most pairs of a narrowed list the check of their path, and limit the same nodes by the same parts.
@@ -104,12 +155,13 @@ fn a_limited_motion_leaves_a_part_of_each_gap() {
 /// both, 2e-3 here.
 #[test]
 fn tangents_are_those_of_the_forces_while_friction_slides() {
-    for (friction, turns, tolerance) in
-        [(0.0, false, 0.1), (0.4, false, 0.1), (0.0, true, 5e-3), (0.4, true, 0.1)]
+    let cases = [(0.0, false, 0.1), (0.4, false, 0.1), (0.0, true, 5e-3), (0.4, true, 0.1)];
+    for (span, (friction, turns, tolerance)) in
+        [OVER, AT_END].into_iter().flat_map(|span| cases.map(|case| (span, case)))
     {
         let (surface, [start, end]) = sheets(friction);
         let contact = ContactPotential::near(surface, &start, 0.1);
-        let term = contact.over_step(OVER, &[]).expect("contact acts over a step");
+        let term = contact.over_step(span, &[]).expect("contact acts over a step");
         let at = |x: &[f64]| {
             let mut acting = Acting::default();
             acting.turns = turns;
@@ -136,6 +188,6 @@ fn tangents_are_those_of_the_forces_while_friction_slides() {
         let size = norm(&mut product.iter().copied());
         let error =
             norm(&mut product.iter().zip(before.iter().zip(&after)).map(|(p, (a, b))| p - (b - a) / 2e-7));
-        assert!(error < tolerance * size, "μ = {friction}, {turns}: {error:e} of {size:e}");
+        assert!(error < tolerance * size, "{span:?}, μ = {friction}, {turns}: {error:e} of {size:e}");
     }
 }

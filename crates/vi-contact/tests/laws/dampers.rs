@@ -9,7 +9,7 @@ use vi_core::{Damper, DiscreteGradient, Potential, StepSpan};
 
 const TAU: f64 = 1e-2;
 const H: f64 = 1e-3;
-const SPAN: StepSpan = StepSpan { duration: H, damps_end: true };
+const SPAN: StepSpan = StepSpan { duration: H, acts_at_end: false, damps_end: true };
 
 /// Returns two damped sheets half a layer apart.
 fn sheets(friction: f64) -> (ContactPotential, Vec<f64>) {
@@ -21,12 +21,18 @@ fn sheets(friction: f64) -> (ContactPotential, Vec<f64>) {
 }
 
 fn dampers(contact: &ContactPotential, x: &[f64], velocity: &[f64]) -> Vec<Damper> {
-    after(contact, &[], x, velocity)
+    after(contact, SPAN, &[], x, velocity)
 }
 
 /// Returns the dampers after a step that ended with this memory.
-fn after(contact: &ContactPotential, memory: &[f64], x: &[f64], velocity: &[f64]) -> Vec<Damper> {
-    let over = contact.over_step(SPAN, memory).expect("damping acts over a step");
+fn after(
+    contact: &ContactPotential,
+    span: StepSpan,
+    memory: &[f64],
+    x: &[f64],
+    velocity: &[f64],
+) -> Vec<Damper> {
+    let over = contact.over_step(span, memory).expect("damping acts over a step");
     let mut dampers = Vec::new();
     over.dampers(x, velocity, &mut dampers);
     dampers
@@ -59,13 +65,20 @@ fn dampers_have_neither_resultant_nor_moment() {
     }
 }
 
-/// In the direction in which the sheets approach each other, D is the share of τ times the second derivative of the energy.
+/// In the direction in which the sheets approach each other, D is the share of τ times the second derivative of the energy, and all
+/// of it if forces act at the end of the step.
 #[test]
 fn dampers_have_their_share_of_the_damping_of_a_layer() {
     let (contact, x) = sheets(0.0);
     let approach = moving(&x, [0.0, 0.0, -1.0]);
-    let damped: f64 =
-        dampers(&contact, &x, &approach).iter().map(|d| d.coefficient * d.rate(&approach).powi(2)).sum();
+    let along =
+        |found: Vec<Damper>| -> f64 { found.iter().map(|d| d.coefficient * d.rate(&approach).powi(2)).sum() };
+    let damped = along(dampers(&contact, &x, &approach));
+    // Slow enough that no damper pulls.
+    let slow: Vec<f64> = approach.iter().map(|v| 1e-9 * v).collect();
+    let rate = |span: StepSpan| along(after(&contact, span, &[], &x, &slow));
+    let at_end = rate(StepSpan { acts_at_end: true, ..SPAN });
+    assert!((at_end * AT_END / rate(SPAN) - 1.0).abs() < 1e-12, "{at_end:e}");
     let energy = |s: f64| {
         let moved: Vec<f64> = x.iter().zip(&approach).map(|(x, v)| x + s * v).collect();
         let stencils = contact.stencils().count();
@@ -120,6 +133,6 @@ fn dampers_do_not_pull_and_leave_sliding_to_friction() {
         dampers.iter().map(|d| d.coefficient * d.rate(&velocity) * d.on_first[0]).sum::<f64>().abs()
     };
     let [stuck, slid] =
-        [drag(dampers(&contact, &end, &velocity)), drag(after(&contact, &memory, &end, &velocity))];
+        [drag(dampers(&contact, &end, &velocity)), drag(after(&contact, SPAN, &memory, &end, &velocity))];
     assert!(slid < 0.05 * stuck, "{slid:e} {stuck:e}");
 }

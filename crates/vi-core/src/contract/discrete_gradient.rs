@@ -48,8 +48,11 @@ pub trait DiscreteGradient: Send + Sync {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StepSpan {
     /// Duration, s. An infinite duration leads from one equilibrium to the next. Then the forces are the dissipative ones alone,
-    /// at the end of the step, and [`StepOutcome::impulses`] are those of one second.
+    /// and [`StepOutcome::impulses`] are those of one second.
     pub duration: f64,
+    /// Whether forces act with the values that they have at the end x₁, as in backward Euler: ∂V/∂x(x₁), and the friction that slip
+    /// from x₀ to x₁ leaves there. If not, they act between x₀ and x₁ by G.
+    pub acts_at_end: bool,
     /// Whether the scheme applies [`DiscreteGradient::dampers`] to the velocities at the end of the step. If not, all damping acts
     /// over the step.
     pub damps_end: bool,

@@ -152,6 +152,11 @@ pub trait Live: Send + Sync {
         false
     }
 
+    /// Returns whether this term has forces without a potential, such as friction.
+    fn dissipates(&self) -> bool {
+        false
+    }
+
     /// Returns whether its energy is finite at the end of every path on which nothing meets
     /// ([`Potential::meetings`]). The end of such a path need not be evaluated to know this.
     fn is_finite_on_free_paths(&self) -> bool {

@@ -22,14 +22,14 @@ use crate::vectors;
 
 use near::Near;
 
-pub(crate) use near::END_PER_STAGE;
+pub(crate) use near::end_per_stage;
 pub(crate) use state::LiveState;
 pub(crate) use stencils::shortest_reach;
 
 /// The sum of the live terms of a list.
 pub(crate) struct LiveSum {
     terms: Terms,
-    /// Whether terms with a discrete gradient are kept apart.
+    /// Whether terms with a discrete gradient are kept apart, because they act over steps.
     splits: bool,
     /// Number of coordinates per node of the matrix of the fixed terms; `None` if there are no fixed terms.
     block: Option<usize>,
@@ -199,6 +199,11 @@ impl LiveSum {
         }
     }
 
+    /// Returns whether terms with a discrete gradient act over steps, and not by the gradient at one place.
+    pub(crate) fn acts_over_steps(&self) -> bool {
+        self.splits
+    }
+
     /// Returns whether all terms list the forces of their pairs.
     pub(crate) fn lists_pairs(&self) -> bool {
         self.splits && self.terms.live().iter().all(|term| term.lists_pairs())
@@ -234,6 +239,11 @@ impl LiveSum {
     pub(crate) fn dissipates(&mut self, x: &[f64]) -> bool {
         self.follow(x, None);
         self.near.as_ref().is_some_and(|near| near.over.iter().any(Option::is_some))
+    }
+
+    /// Returns ∂x₁/∂x of the stage x of the open step.
+    fn end_per_stage(&self) -> f64 {
+        end_per_stage(self.passage.span().acts_at_end)
     }
 
     fn place(&mut self, start: &[f64], end: &[f64]) {

@@ -39,7 +39,9 @@ impl Remembered {
         for (number, values) in self.memories.iter().enumerate() {
             memory.arrays.push((format!("{name}.memory.{number}"), values.clone()));
         }
-        let numbers = vec![self.stored, self.span.duration, f64::from(u8::from(self.span.damps_end))];
+        let StepSpan { duration, acts_at_end, damps_end } = self.span;
+        let [acts_at_end, damps_end] = [acts_at_end, damps_end].map(|flag| f64::from(u8::from(flag)));
+        let numbers = vec![self.stored, duration, acts_at_end, damps_end];
         memory.arrays.push((format!("{name}.stored_span"), numbers));
     }
 
@@ -51,8 +53,11 @@ impl Remembered {
         };
         let terms = memory.counts.iter().find(|(key, _)| *key == format!("{name}.terms"))?.1;
         let memories = (0..terms).map(|number| array(&format!("memory.{number}"))).collect::<Option<_>>()?;
-        let &[stored, duration, damps_end] = array("stored_span")?.as_slice() else { return None };
-        Some(Self { memories, stored, span: StepSpan { duration, damps_end: damps_end != 0.0 } })
+        let &[stored, duration, acts_at_end, damps_end] = array("stored_span")?.as_slice() else {
+            return None;
+        };
+        let [acts_at_end, damps_end] = [acts_at_end, damps_end].map(|flag| flag != 0.0);
+        Some(Self { memories, stored, span: StepSpan { duration, acts_at_end, damps_end } })
     }
 }
 
@@ -131,6 +136,11 @@ impl Passage {
         let is_same = self.now.span == span && !self.remembers();
         self.now.span = span;
         !is_same
+    }
+
+    /// Returns the duration of the open step and how terms act in it.
+    pub(crate) fn span(&self) -> StepSpan {
+        self.now.span
     }
 
     /// Returns the terms over the open step, as potentials of its end.

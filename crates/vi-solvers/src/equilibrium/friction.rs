@@ -9,7 +9,8 @@ use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 
-const BETWEEN_EQUILIBRIA: StepSpan = StepSpan { duration: f64::INFINITY, damps_end: false };
+const BETWEEN_EQUILIBRIA: StepSpan =
+    StepSpan { duration: f64::INFINITY, acts_at_end: true, damps_end: false };
 
 /// The state of friction after an equilibrium.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -14,7 +14,6 @@
 //! The kink of friction is the subject of `soft_bristles`.
 
 use crate::assemble::evaluator::Evaluator;
-use crate::assemble::live::END_PER_STAGE;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
@@ -60,6 +59,8 @@ const SHORTEST: f64 = 1.0 / 64.0;
 
 /// Equations in which live terms act pair by pair.
 pub(crate) trait PairEquations: Equations {
+    /// Returns how far the end of the step moves per unit of the unknowns.
+    fn end_per_stage(&self) -> f64;
     /// Returns E v at the last evaluation, where A is the model that `inverse` holds; `None` if E is zero.
     fn pair_defect(&self, inverse: &Inverse, evaluator: &Evaluator, v: &[f64]) -> Option<Vec<f64>>;
     /// Computes the change of δ that a change v of −R causes, v ← A⁻¹v, without a change of the equations.
@@ -263,9 +264,10 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
             if is_direct {
                 solve.evaluator.set_turns(eta < NEAR);
             }
+            let end_per_stage = solve.equations.end_per_stage();
             let (delta, _) = solve.equations.correction();
             newton.anderson.advance(delta, 1.0);
-            solve.evaluator.predict_tractions(END_PER_STAGE, delta);
+            solve.evaluator.predict_tractions(end_per_stage, delta);
             let contracts = eta < KEEPING * last;
             let is_made = approach(solve, progress.part())? == 1.0;
             if !is_made {
@@ -286,8 +288,8 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
 
 /// Makes evaluations list the forces of pairs, without predictions of friction.
 fn begin_pairs<E: PairEquations>(solve: &mut Solve<'_, E>) {
-    let c = solve.equations.coefficient();
-    solve.evaluator.begin_pairs(solve.system, END_PER_STAGE * c);
+    let per_mass = solve.equations.end_per_stage() * solve.equations.coefficient();
+    solve.evaluator.begin_pairs(solve.system, per_mass);
 }
 
 /// Returns the error of a correction with this energy (J), relative to `scale` (J).

@@ -208,9 +208,6 @@ impl Rule for EnergyMomentum {
     fn takes_discrete_gradients(&self) -> bool {
         true
     }
-    fn damps_end(&self) -> bool {
-        true
-    }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         Some(MultiplierDirections::Middle)
     }

@@ -97,7 +97,7 @@ impl KickDrift {
         match collisions {
             // All live terms act in the drift only, and exchange their energy there.
             Some(collisions) if collisions.is_exact() => evaluator.without_live(),
-            Some(_) => evaluator.with_discrete_gradients(),
+            Some(_) => evaluator.over_steps(),
             None => evaluator,
         }
     }

@@ -104,7 +104,8 @@ impl<R: Rule> OneStage<R> {
         if self.rule.takes_mean_of_ends() {
             self.evaluator.set_middle(system, self.stage.t, [state.t, state.t + h]);
         }
-        let span = StepSpan { duration: h, damps_end: self.rule.damps_end() };
+        let span =
+            StepSpan { duration: h, acts_at_end: self.rule.is_at_end(), damps_end: self.rule.damps_end() };
         self.evaluator.open_step(system, &state.q, state.t, span)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;
@@ -334,7 +335,8 @@ impl<R: Rule> OneStage<R> {
 /// Returns the evaluator for the stage of a rule.
 fn evaluator_of(rule: &impl Rule, system: &System) -> Evaluator {
     let evaluator = Evaluator::with_nonconservative(system);
-    if rule.takes_discrete_gradients() { evaluator.with_discrete_gradients() } else { evaluator }
+    let dissipates = system.terms().live().iter().any(|term| term.dissipates());
+    if rule.takes_discrete_gradients() || dissipates { evaluator.over_steps() } else { evaluator }
 }
 
 impl<R: Rule> Stepper for OneStage<R> {
@@ -382,7 +384,7 @@ impl<R: Rule> Stepper for OneStage<R> {
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {
-        self.rule.takes_discrete_gradients().then(|| self.evaluator.take_smallest_gap())
+        self.evaluator.acts_over_steps().then(|| self.evaluator.take_smallest_gap())
     }
 
     fn set_budget(&mut self, budget: Budget) {

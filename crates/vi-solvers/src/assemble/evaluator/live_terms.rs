@@ -10,10 +10,10 @@ use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 
 impl Evaluator {
-    /// Makes live terms that have a discrete gradient act by it alone, between the ends that [`Evaluator::set_ends`]
-    /// sets.
+    /// Makes live terms that have a discrete gradient act over steps, between the ends that [`Evaluator::set_ends`] sets or at the
+    /// second one, as the span of [`Evaluator::open_step`] says.
     #[must_use]
-    pub(crate) fn with_discrete_gradients(mut self) -> Self {
+    pub(crate) fn over_steps(mut self) -> Self {
         self.assembler.split_live();
         self
     }
@@ -150,6 +150,11 @@ impl Evaluator {
     /// Returns how often live terms have searched for their stencils.
     pub(crate) fn searches(&self) -> u64 {
         self.assembler.shared_live().map_or(0, |live| live.counts()[0])
+    }
+
+    /// Returns whether there are live terms that act over steps.
+    pub(crate) fn acts_over_steps(&self) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.acts_over_steps())
     }
 
     /// Returns whether there are live terms.

@@ -2,7 +2,6 @@
 //! entry appears outside it.
 
 use super::LiveSum;
-use super::near::END_PER_STAGE;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
@@ -32,9 +31,10 @@ impl LiveSum {
             // The run that this one continues built the pattern at another place.
             self.restore_pattern(fixed, x, t, ends.is_some())?;
         }
+        let factor = ends.map(|_| self.end_per_stage());
         let Self { near, union, state, pair, patterns, .. } = self;
         let Some(near) = near else { return Ok(fixed) };
-        let parts = near.hessians(fixed, x, pair, t, kind, ends.is_some());
+        let parts = near.hessians(fixed, x, pair, t, kind, factor);
         let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
         let is_contained = union.as_mut().is_some_and(|union| union.admit(&matrices));
         if !is_contained {
@@ -67,7 +67,7 @@ impl LiveSum {
     /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
     pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
         let [_, discrete] = self.near.as_ref()?.parts.as_ref()?;
-        Some((END_PER_STAGE, discrete.last_hessian()?))
+        Some((self.end_per_stage(), discrete.last_hessian()?))
     }
 
     fn restore_pattern(
@@ -80,10 +80,11 @@ impl LiveSum {
         if self.state.pattern.about.is_empty() {
             return Ok(());
         }
+        let factor = has_ends.then(|| self.end_per_stage());
         let Ok(mut near) = self.ask(&self.state.pattern, self.state.pattern.tube().as_ref()) else {
             return Ok(());
         };
-        let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, has_ends);
+        let parts = near.hessians(fixed, x, &self.pair, t, HessianEvaluation::Exact, factor);
         let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
         self.union = Some(MatrixSum::new(&matrices)?);
         self.patterns += 1;

@@ -11,8 +11,10 @@ use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::passage::Passage;
 use crate::linear::matrix::SymmetricMatrix;
 
-/// ∂x₁/∂x for a stage x in the middle between x₀ and x₁.
-pub(crate) const END_PER_STAGE: f64 = 2.0;
+/// Returns ∂x₁/∂x for a stage x at the end x₁ of a step, or in the middle between x₀ and x₁.
+pub(crate) fn end_per_stage(is_at_end: bool) -> f64 {
+    if is_at_end { 1.0 } else { 2.0 }
+}
 
 /// Number of candidates up to which all of them are used: then choosing does not pay.
 const FEW: usize = 500;
@@ -49,7 +51,8 @@ impl Near {
         }
     }
 
-    /// Returns the Hessians to be summed, with their factors.
+    /// Returns the Hessians to be summed, with their factors. That of the tangents over a step is ∂x₁/∂x; without it, they are
+    /// left out.
     pub(super) fn hessians<'a>(
         &'a mut self,
         fixed: &'a SymmetricMatrix,
@@ -57,15 +60,15 @@ impl Near {
         pair: &[f64],
         t: f64,
         kind: HessianEvaluation,
-        has_ends: bool,
+        end_per_stage: Option<f64>,
     ) -> Vec<(f64, &'a SymmetricMatrix)> {
         let Self { whole, parts, .. } = self;
         let mut hessians = vec![(1.0, fixed)];
         match parts {
             Some([plain, discrete]) => {
                 hessians.push((1.0, plain.hessian(x, t, kind)));
-                if has_ends {
-                    hessians.push((END_PER_STAGE, discrete.hessian(pair, t, kind)));
+                if let Some(factor) = end_per_stage {
+                    hessians.push((factor, discrete.hessian(pair, t, kind)));
                 }
             }
             None => hessians.push((1.0, whole.hessian(x, t, kind))),

@@ -37,6 +37,9 @@ impl CarriedAcceleration {
             let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
             evaluator.set_velocities(system, &q_dot, state.t, 0.0);
         }
+        if evaluator.acts_over_steps() {
+            evaluator.set_ends(system, (&state.q, state.t), (&state.q, state.t));
+        }
         evaluator.evaluate(system, &state.q, state.t, true)?;
         let gradient = evaluator.gradient();
         self.a.clear();

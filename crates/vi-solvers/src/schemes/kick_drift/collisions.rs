@@ -79,6 +79,10 @@ impl Live for InDrift {
         self.0.lists_pairs()
     }
 
+    fn dissipates(&self) -> bool {
+        self.0.dissipates()
+    }
+
     fn is_finite_on_free_paths(&self) -> bool {
         self.0.is_finite_on_free_paths()
     }
@@ -164,6 +168,9 @@ impl Rule for Drift {
     }
     fn takes_discrete_gradients(&self) -> bool {
         true
+    }
+    fn damps_end(&self) -> bool {
+        false
     }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         Some(MultiplierDirections::Middle)

@@ -127,7 +127,7 @@ impl Touching {
         if self.lists.is_empty() && !self.passage.remembers() {
             return Ok(self.drift_freely(system, state, h));
         }
-        self.passage.open(&self.x_start, StepSpan { duration: h, damps_end: false });
+        self.passage.open(&self.x_start, StepSpan { duration: h, acts_at_end: false, damps_end: false });
         let outcome = self.solve(system, state, h, may_divide);
         self.work.searches = self.lists.searches() - searches;
         match outcome? {

@@ -6,7 +6,6 @@ use super::rule::Rule;
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
-use crate::assemble::live::END_PER_STAGE;
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
 use crate::newton::pairs::PairEquations;
@@ -16,11 +15,11 @@ use crate::vectors;
 impl<R: Rule> StageEquations<'_, R> {
     /// Returns whether live terms list pairs that are near this step, as far as the velocities tell.
     pub(super) fn meets_pairs(&mut self, evaluator: &mut Evaluator) -> bool {
-        let Stage { origin, offset, start_t, h, .. } = &*self.stage;
-        if !self.rule.takes_discrete_gradients() || !evaluator.has_live() {
+        let Stage { origin, offset, start_t, h, end_per_stage, .. } = &*self.stage;
+        if !evaluator.acts_over_steps() {
             return false;
         }
-        let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + END_PER_STAGE * offset).collect();
+        let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + end_per_stage * offset).collect();
         evaluator.meets_pairs(self.system, (origin, *start_t), (&end, start_t + h))
     }
 
@@ -29,9 +28,9 @@ impl<R: Rule> StageEquations<'_, R> {
     fn shorten(&self, evaluator: &mut Evaluator, base: &[f64], delta: &mut [f64], from_start: bool) -> bool {
         let Stage { origin, offset, start_t, h, .. } = &*self.stage;
         let coordinates = self.system.coordinates();
-        // The path is that of the end of the step, or of the stage if pairs act there.
-        let (scale, t_end) = match self.rule.takes_discrete_gradients() {
-            true => (END_PER_STAGE, start_t + h),
+        // The path is that of the end of the step, or of the stage if pairs act by their gradient there.
+        let (scale, t_end) = match evaluator.acts_over_steps() {
+            true => (self.stage.end_per_stage, start_t + h),
             false => (1.0, self.stage.t),
         };
         let count = coordinates.dof_count();
@@ -72,6 +71,10 @@ impl<R: Rule> StageEquations<'_, R> {
 }
 
 impl<R: Rule> PairEquations for StageEquations<'_, R> {
+    fn end_per_stage(&self) -> f64 {
+        self.stage.end_per_stage
+    }
+
     fn pair_defect(&self, inverse: &Inverse, evaluator: &Evaluator, v: &[f64]) -> Option<Vec<f64>> {
         let pairs = evaluator.pairs()?;
         let mut out = vec![0.0; v.len()];
@@ -79,9 +82,9 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         if !is_in_model && pairs.is_empty() {
             return None;
         }
-        let c = self.stage.c;
+        let Stage { c, end_per_stage, .. } = *self.stage;
         vectors::update(&mut out, |_, value| *value *= -c);
-        pairs.add_product(END_PER_STAGE * c, v, &mut out);
+        pairs.add_product(end_per_stage * c, v, &mut out);
         Some(out)
     }
 
@@ -126,7 +129,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
 
     fn factor_completely(&mut self, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         let size = self.complete_size().unwrap_or(0);
-        let Stage { c, w, multipliers, complete: matrix, .. } = &mut *self.stage;
+        let Stage { c, end_per_stage, w, multipliers, complete: matrix, .. } = &mut *self.stage;
         let c = *c;
         matrix.clear(size);
         evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
@@ -138,7 +141,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
             }
         }
         if let Some(pairs) = evaluator.pairs() {
-            pairs.add_to(END_PER_STAGE * c, matrix);
+            pairs.add_to(*end_per_stage * c, matrix);
         }
         if let Some(multipliers) = multipliers {
             multipliers.complete(c, matrix, w.len());
@@ -195,7 +198,8 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         for node in free.chunk_by(|a, b| a / 3 == b / 3) {
             let values = &mut delta[first..first + node.len()];
             first += node.len();
-            let length = END_PER_STAGE * values.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let length =
+                self.stage.end_per_stage * values.iter().map(|value| value * value).sum::<f64>().sqrt();
             if length > longest {
                 values.iter_mut().for_each(|value| *value *= longest / length);
                 is_whole = false;

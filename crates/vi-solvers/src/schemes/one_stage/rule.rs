@@ -22,6 +22,10 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// Returns the time of the stage in units of h from the start.
     fn time(&self) -> f64;
+    /// Returns whether the stage is the end of the step.
+    fn is_at_end(&self) -> bool {
+        self.time() == 1.0
+    }
     /// Returns û − q₀.
     fn offset(&self, k: usize, v: f64, h: f64) -> f64;
     /// Returns the changes of q and of velocity over the step; both are affine in w.
@@ -40,15 +44,16 @@ pub(crate) trait Rule: Send + Sync {
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
         None
     }
-    /// Returns whether live terms that have a discrete gradient use it between the ends of the step. The stage is then
-    /// at the midpoint.
+    /// Returns whether live terms that have a discrete gradient always use it between the ends of the step. The stage is then
+    /// at the midpoint. Otherwise, terms with a potential alone act by its gradient at the stage, whose solution then minimises a
+    /// function, and terms that dissipate act over the step: at its end if the stage is there.
     fn takes_discrete_gradients(&self) -> bool {
         false
     }
-    /// Returns whether dampers of live terms act on the velocities at the end of the step. They are then those of the body, and
-    /// not of a part of the step.
+    /// Returns whether dampers of live terms act on the velocities at the end of the step, which are those of the body and not of a
+    /// part of the step.
     fn damps_end(&self) -> bool {
-        false
+        true
     }
     /// Returns whether a force besides −∂V/∂q acts at the stage. Then the stage does not minimise a function.
     fn has_correction(&self) -> bool {
@@ -166,9 +171,6 @@ impl Rule for Midpoint {
         self.node * h * v
     }
     fn takes_discrete_gradients(&self) -> bool {
-        true
-    }
-    fn damps_end(&self) -> bool {
         true
     }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {

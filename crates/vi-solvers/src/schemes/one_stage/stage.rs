@@ -4,7 +4,7 @@ use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
-use crate::assemble::live::END_PER_STAGE;
+use crate::assemble::live::end_per_stage;
 use crate::error::SolverError;
 use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::equations::Equations;
@@ -14,9 +14,9 @@ use crate::schemes::constraint::multipliers::Multipliers;
 use crate::schemes::one_stage::rule::{Rule, Trial};
 use crate::vectors;
 
-/// Largest length of a correction, as a multiple of the motion over the step without pairs, plus a multiple of the reach
+/// Largest length of a correction, as a multiple of the motion of the stage without pairs, plus a multiple of the reach
 /// of the pairs for bodies that begin to move.
-const FARTHEST: f64 = 2.0;
+const FARTHEST: f64 = 4.0;
 const REACHES: f64 = 20.0;
 
 /// The unknowns and buffers of one stage.
@@ -24,6 +24,8 @@ pub(super) struct Stage {
     pub(super) c: f64,
     /// Time of the stage, s.
     pub(super) t: f64,
+    /// Change of the end of the step per change of the stage, if live terms act over steps.
+    pub(super) end_per_stage: f64,
     /// 2 T at the start, J: part of the energy to which errors are relative.
     pub(super) twice_kinetic: f64,
     /// q₀ and û − q₀.
@@ -70,6 +72,7 @@ impl Stage {
             complete: Unsymmetric::default(),
             c: 0.0,
             t: 0.0,
+            end_per_stage: 1.0,
             twice_kinetic: 0.0,
             origin: zero(),
             offset: zero(),
@@ -103,6 +106,7 @@ impl Stage {
         let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
         self.c = rule.coefficient(h);
         self.t = state.t + rule.time() * h;
+        self.end_per_stage = end_per_stage(rule.is_at_end());
         (self.start_t, self.h, self.is_simple) = (state.t, h, false);
         self.origin.copy_from_slice(&state.q);
         vectors::fill(&mut self.offset, |k| rule.offset(k, v.at(k), h));
@@ -134,7 +138,7 @@ impl Stage {
     ) -> Result<(), SolverError> {
         self.configure();
         self.set_velocities(system, rule, evaluator);
-        if rule.takes_discrete_gradients() && evaluator.has_live() {
+        if evaluator.acts_over_steps() {
             let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
             evaluator.set_ends(system, (&self.origin, self.start_t), (&end, self.start_t + self.h));
         }
@@ -160,19 +164,13 @@ impl Stage {
         Ok(())
     }
 
-    /// Returns coordinate k at the end of a step whose stage is at the midpoint.
+    /// Returns coordinate k at the end of the step, if live terms act over steps.
     fn end(&self, k: usize) -> f64 {
-        self.origin[k] + 2.0 * (self.offset[k] + self.w[k])
+        self.origin[k] + self.end_per_stage * (self.offset[k] + self.w[k])
     }
 
     /// Returns the largest fraction of the change dq of the stage, from its current place, that the terms allow.
-    fn largest_step(
-        &mut self,
-        system: &System,
-        rule: &impl Rule,
-        evaluator: &mut Evaluator,
-        dq: &[f64],
-    ) -> f64 {
+    fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator, dq: &[f64]) -> f64 {
         self.configure();
         let coordinates = system.coordinates();
         let place = |q: &[f64], t: f64| {
@@ -183,12 +181,12 @@ impl Stage {
         let mut dx = vec![0.0; coordinates.dof_count()];
         coordinates.embed_change(dq, &mut dx);
         let x = place(&self.q, self.t);
-        if !rule.takes_discrete_gradients() {
+        if !evaluator.acts_over_steps() {
             return evaluator.largest_step(&x, &dx, None);
         }
         let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
         let x_end = place(&end, self.start_t + self.h);
-        let dx_end: Vec<f64> = dx.iter().map(|dx| 2.0 * dx).collect();
+        let dx_end: Vec<f64> = dx.iter().map(|dx| self.end_per_stage * dx).collect();
         evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
 
@@ -282,11 +280,11 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             return self.shorten_way(evaluator);
         }
         // The path leads from the beginning of the step to the start of the iteration.
-        let Self { rule, stage, .. } = self;
+        let Self { stage, .. } = self;
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
         let wanted = std::mem::replace(&mut stage.w, at_start);
-        let part = stage.largest_step(system, *rule, evaluator, &goal);
+        let part = stage.largest_step(system, evaluator, &goal);
         let Stage { w, base, offset, .. } = &mut **stage;
         w.copy_from_slice(&wanted);
         if part < 1.0 {
@@ -296,11 +294,11 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator, most: f64) -> f64 {
-        let Self { rule, stage, .. } = self;
+        let Self { stage, .. } = self;
         let reached = std::mem::take(&mut stage.w);
         stage.w = stage.base.clone();
         let change: Vec<f64> = stage.correction.iter().map(|delta| most * delta).collect();
-        let part = stage.largest_step(system, *rule, evaluator, &change);
+        let part = stage.largest_step(system, evaluator, &change);
         stage.w = reached;
         most * part
     }
@@ -310,8 +308,8 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         let (mass, count) = (self.system.free_mass(), offset.len());
         let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
         let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
-        let bound = (3.0_f64.sqrt() * END_PER_STAGE * pushed).min(REACHES * evaluator.reach());
-        3.0_f64.sqrt() * FARTHEST * END_PER_STAGE * motion + bound
+        let bound = (3.0_f64.sqrt() * 2.0 * pushed).min(REACHES * evaluator.reach());
+        3.0_f64.sqrt() * FARTHEST * motion + bound
     }
 
     fn linearize(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
