@@ -3,7 +3,8 @@
 
     cargo build --release
     python benches/layers.py folded [--cells 200] [--steps 300] [--binary target/release/variational]
-    python benches/layers.py stack [--layers 50] [--cells 69] [--steps 20] [--step 5e-3] [--threads 2]
+    python benches/layers.py stack [--layers 50] [--cells 69] [--steps 20] [--step 5e-3] [--friction 0.3]
+        [--threads 2]
 
 `folded`: a cloth of 1 m x 1 m in four layers, 4 mm apart, falls with .5 m/s on itself and on a floor by `stormer-verlet`; processor
 time per step with the table `[contact]` and without. `stack`: square cloths of 1 m, 1.2 mm apart, on a floor, by
@@ -23,7 +24,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 CLOTH = ('material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, area_density = 0.2, '
          'thickness = 1e-3 }')
-CONTACT = "[contact]\nfriction = 0.3\n"
+FRICTION = 0.3
 
 
 def floor(height):
@@ -78,10 +79,10 @@ mesh = "folded.obj"
 velocity = [0.0, 0.0, -0.5]
 {CLOTH}
 """
-    return text + CONTACT + floor(-2e-3), text
+    return text + f"[contact]\nfriction = {FRICTION}\n" + floor(-2e-3), text
 
 
-def stack(layers, cells, step, scheme):
+def stack(layers, cells, step, scheme, friction):
     text = f"""
 gravity = [0.0, 0.0, -9.81]
 [time]
@@ -91,8 +92,7 @@ scheme = "{scheme}"
 [output]
 history = 0
 """
-    # `backward-euler` takes contact without friction only.
-    text += ("[contact]\n" if scheme == "backward-euler" else CONTACT) + floor(0.0)
+    text += f"[contact]\nfriction = {friction:g}\n" + floor(0.0)
     for layer in range(layers):
         shift = 3e-3 * (layer % 7)
         text += f"""
@@ -130,6 +130,7 @@ def main():
     parser.add_argument("--steps", type=int)
     parser.add_argument("--step", type=float)
     parser.add_argument("--scheme", default="backward-euler")
+    parser.add_argument("--friction", type=float, default=FRICTION, help="coefficient of friction of `stack`")
     parser.add_argument("--threads", type=int)
     options = parser.parse_args()
     binary = os.path.abspath(options.binary)
@@ -151,7 +152,7 @@ def main():
             print(f"contact costs {costs[0] / costs[1] - 1:.2f} of the contact-free step")
         else:
             cells, steps, step = options.cells or 69, options.steps or 20, options.step or 5e-3
-            text = stack(options.layers, cells, step, options.scheme)
+            text = stack(options.layers, cells, step, options.scheme, options.friction)
             threads = options.threads or 2
             short = run(binary, directory, text, 1, step, threads)
             long = run(binary, directory, text, 1 + steps, step, threads)

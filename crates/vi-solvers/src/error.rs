@@ -266,6 +266,18 @@ pub enum SolverError {
         /// The schemes that accept constraints.
         schemes: Box<str>,
     },
+    /// The scheme does not accept live terms that dissipate.
+    #[error(
+        "scheme {scheme} would ignore the friction and damping of '{term}'; choose one of {schemes}, or set both to 0"
+    )]
+    Dissipative {
+        /// Name of the scheme.
+        scheme: &'static str,
+        /// Name of the first term that dissipates.
+        term: String,
+        /// The schemes that accept such terms.
+        schemes: Box<str>,
+    },
     /// The analysis does not accept constraints.
     #[error("{analysis} does not accept the constraint '{constraint}'; remove the rigid bodies and joints")]
     ConstrainedAnalysis {

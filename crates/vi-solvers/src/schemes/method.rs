@@ -103,9 +103,24 @@ pub struct Accepts {
     pub constraints: bool,
     /// Whether the scheme accepts mass that is not lumped.
     pub consistent_mass: bool,
+    /// Whether the scheme accepts live terms that dissipate: contact with friction or damping. Other schemes take live terms by their
+    /// potential alone.
+    pub dissipative_terms: bool,
 }
 
-const EVERYTHING: Accepts = Accepts { forces: AcceptedForces::All, constraints: true, consistent_mass: true };
+const EVERYTHING: Accepts = Accepts {
+    forces: AcceptedForces::All,
+    constraints: true,
+    consistent_mass: true,
+    dissipative_terms: true,
+};
+
+const POTENTIAL_ONLY: Accepts = Accepts {
+    forces: AcceptedForces::None,
+    constraints: false,
+    consistent_mass: false,
+    dissipative_terms: false,
+};
 
 const SYMPLECTIC: Conserves =
     Conserves { symplectic_form: true, energy: false, linear_momentum: true, angular_momentum: true };
@@ -271,7 +286,8 @@ impl Method {
     /// Checks that the scheme can step this system.
     ///
     /// # Errors
-    /// Returns [`SolverError::Force`], [`SolverError::Constrained`] or [`SolverError::ConsistentMass`] with the part
+    /// Returns [`SolverError::Force`], [`SolverError::Constrained`], [`SolverError::ConsistentMass`] or
+    /// [`SolverError::Dissipative`] with the part
     /// that it does not accept, and the schemes that do; [`SolverError::FilteredMass`].
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
@@ -295,6 +311,12 @@ impl Method {
         if system.kinetic().is_some() && !accepts.consistent_mass {
             let schemes = Self::accepting(|accepts| accepts.consistent_mass);
             return Err(SolverError::ConsistentMass { scheme, schemes });
+        }
+        let dissipative = system.terms().live().iter().find(|term| term.dissipates());
+        if let (Some(term), false) = (dissipative, accepts.dissipative_terms) {
+            let term = term.name().to_owned();
+            let schemes = Self::accepting(|accepts| accepts.dissipative_terms);
+            return Err(SolverError::Dissipative { scheme, term, schemes });
         }
         self.check_filter(system)
     }

@@ -60,7 +60,7 @@ macro_rules! schemes {
                     forces_per_step: 6,
                     stability_limit: Some(3.1634),
                     recommended_limit: Some(2.8),
-                    accepts: Accepts { forces: AcceptedForces::OfPosition, constraints: false, consistent_mass: false },
+                    accepts: Accepts { forces: AcceptedForces::OfPosition, ..POTENTIAL_ONLY },
                     is_benchmarked: true,
                     use_when: "soft bodies at 1e-4 … 1e-7",
                     ..VARIATIONAL_EXPLICIT
@@ -76,7 +76,7 @@ macro_rules! schemes {
                     forces_per_step: 11,
                     stability_limit: Some(3.1414),
                     recommended_limit: Some(2.8),
-                    accepts: Accepts { forces: AcceptedForces::OfPosition, constraints: false, consistent_mass: false },
+                    accepts: Accepts { forces: AcceptedForces::OfPosition, ..POTENTIAL_ONLY },
                     is_benchmarked: true,
                     use_when: "beyond 1e-7, references",
                     ..VARIATIONAL_EXPLICIT
@@ -102,7 +102,7 @@ macro_rules! schemes {
                 MethodFacts {
                     made_of: "degree s × Gauss–Legendre s",
                     order: 2 * stages,
-                    accepts: Accepts { constraints: stages == 1, ..EVERYTHING },
+                    accepts: Accepts { constraints: stages == 1, dissipative_terms: stages == 1, ..EVERYTHING },
                     is_benchmarked: stages == 2 || stages == 3,
                     use_when: "stiff bodies, accuracy",
                     ..VARIATIONAL_IMPLICIT
@@ -129,7 +129,7 @@ macro_rules! schemes {
                     forces_per_step: 1,
                     stability_limit: Some(0.0),
                     recommended_limit: Some(0.0),
-                    accepts: Accepts { forces: AcceptedForces::None, constraints: false, consistent_mass: false },
+                    accepts: POTENTIAL_ONLY,
                     ..COMPARISON
                 }
             }
@@ -152,6 +152,7 @@ macro_rules! schemes {
                     made_of: "backward Euler, unfinished",
                     order: 1,
                     conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
+                    accepts: Accepts { dissipative_terms: false, ..COMPARISON.accepts },
                     use_when: "looks, at a fixed price",
                     ..COMPARISON
                 }
@@ -189,6 +190,7 @@ macro_rules! schemes {
                 MethodFacts {
                     order: 2,
                     is_symmetric: spectral_radius == 1.0,
+                    accepts: Accepts { dissipative_terms: false, ..COMPARISON.accepts },
                     ..COMPARISON
                 }
             }

@@ -11,7 +11,7 @@ use vi_core::{
     Account, Coordinates, EnergyLedger, HessianKind, Live, Potential, State, Stencils, System, Traits,
     angular_momentum, kinetic_energy, linear_momentum, reference,
 };
-use vi_solvers::{Method, SolverOptions, StaticOptions, equilibrium, make_tangent, stepper};
+use vi_solvers::{Method, SolverError, SolverOptions, StaticOptions, equilibrium, make_tangent, stepper};
 
 /// Returns a strip of springs, 4 × 1 × 1 cells, with the additional terms `add`, clamped at x = 0 if `clamped`.
 fn strip(clamped: bool, add: Vec<Box<dyn Potential>>) -> (System, Vec<f64>) {
@@ -178,6 +178,44 @@ impl Live for Asked {
         let mut longest = self.1.lock().unwrap();
         *longest = longest.max(reach);
         self.0.near(x, reach)
+    }
+}
+
+/// A floor that would rub.
+struct Rough(LiveFloor);
+
+impl Live for Rough {
+    fn name(&self) -> &str {
+        "rough floor"
+    }
+    fn reach(&self) -> f64 {
+        self.0.reach()
+    }
+    fn near(&self, x: &[f64], reach: f64) -> Arc<dyn Potential> {
+        self.0.near(x, reach)
+    }
+    fn dissipates(&self) -> bool {
+        true
+    }
+}
+
+/// Schemes that act by the potential of live terms alone refuse those that dissipate; no friction is ignored silently.
+#[test]
+fn schemes_that_would_ignore_friction_refuse_it_by_name() {
+    let floor = || LiveFloor { count: 20, distance: 0.1, stiffness: 1.0 };
+    let with = |live: Arc<dyn Live>| strip(false, Vec::new()).0.with_live(vec![live]);
+    let (smooth, rough) = (with(Arc::new(floor())), with(Arc::new(Rough(floor()))));
+    for method in Method::ALL {
+        let accepts = method.facts().accepts.dissipative_terms;
+        assert!(stepper(&method, &smooth, &OPTIONS).is_ok(), "{}", method.name());
+        match stepper(&method, &rough, &OPTIONS).err() {
+            None => assert!(accepts, "{}", method.name()),
+            Some(SolverError::Dissipative { scheme, term, schemes }) => {
+                assert!(!accepts && scheme == method.name() && term == "rough floor", "{scheme} {term}");
+                assert!(schemes.contains("energy-momentum"), "{schemes}");
+            }
+            other => panic!("{}: {other:?}", method.name()),
+        }
     }
 }
 
