@@ -21,6 +21,27 @@ fn a_strap_rests_on_a_cylinder_with_all_its_weight() {
     assert!(history.last("push.fx").abs() < 1e-6 * weight);
 }
 
+/// Case H7 by backward Euler in steps of 5 ms: a strap over half a cylinder holds up to e^{μπ} = 2.566 times the pull of its other end.
+/// Beyond, it slides with the excess over its drag, 880 N s/m.
+#[test]
+fn a_strap_holds_up_to_the_ratio_of_the_capstan() {
+    let speed = |pull: f64| {
+        let load = format!("load.1.force=[0.0, 0.0, -{pull}]");
+        let scheme = "time.scheme=\"backward-euler\"";
+        let changes = [scheme, "time.step=5e-3", "time.end=1.5", "output.history=10", &load];
+        let arguments: Vec<&str> = changes.into_iter().flat_map(|change| ["--set", change]).collect();
+        let history = run("capstan", &arguments).history();
+        let (t, place) = (history.column("t"), history.column("right.uz"));
+        let last = t.len() - 1;
+        let before = t.iter().position(|time| *time > t[last] - 0.1).unwrap();
+        (place[before] - place[last]) / (t[last] - t[before])
+    };
+    let (held, sliding) = (speed(2.56), speed(2.63));
+    assert!(held.abs() < 1e-6, "{held:e}");
+    let excess = 2.63 - (0.3 * std::f64::consts::PI).exp();
+    assert!((sliding * 880.0 / excess - 1.0).abs() < 0.03, "{sliding:e}");
+}
+
 /// Case H16: the bar of H1 at 64 times the step in which a wave crosses an element, and 30 times the speed. The constants
 /// of the layer are unchanged; it does not close, and the energy is kept.
 #[test]
