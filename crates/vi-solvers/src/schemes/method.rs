@@ -287,8 +287,7 @@ impl Method {
     ///
     /// # Errors
     /// Returns [`SolverError::Force`], [`SolverError::Constrained`], [`SolverError::ConsistentMass`] or
-    /// [`SolverError::Dissipative`] with the part
-    /// that it does not accept, and the schemes that do; [`SolverError::FilteredMass`].
+    /// [`SolverError::Dissipative`] with the part that it does not accept, and the schemes that do; [`SolverError::FilteredMass`].
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
         let (refused, reason) = match accepts.forces {
