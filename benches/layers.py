@@ -27,6 +27,10 @@ CLOTH = ('material = { law = "st-venant-kirchhoff", young = 1e5, poisson = 0.3, 
 FRICTION = 0.3
 
 
+def contact(friction=FRICTION):
+    return f"[contact]\nfriction = {friction:g}\n"
+
+
 def floor(height):
     return f"""
 [[rigid]]
@@ -79,7 +83,7 @@ mesh = "folded.obj"
 velocity = [0.0, 0.0, -0.5]
 {CLOTH}
 """
-    return text + f"[contact]\nfriction = {FRICTION}\n" + floor(-2e-3), text
+    return text + contact() + floor(-2e-3), text
 
 
 def stack(layers, cells, step, scheme, friction):
@@ -92,7 +96,7 @@ scheme = "{scheme}"
 [output]
 history = 0
 """
-    text += f"[contact]\nfriction = {friction:g}\n" + floor(0.0)
+    text += contact(friction) + floor(0.0)
     for layer in range(layers):
         shift = 3e-3 * (layer % 7)
         text += f"""

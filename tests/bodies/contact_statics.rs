@@ -1,5 +1,6 @@
 //! Tests equilibria with friction: Coulomb's limit, history dependence, accounts, and failures by name.
 
+use crate::contact::assert_same_bits;
 use crate::program::Program;
 
 /// A soft block of 4 kg on a plane, under gravity that is tilted by `angle`.
@@ -61,7 +62,7 @@ fn a_block_holds_up_to_the_angle_of_friction() {
 
 /// A block that is pressed with 200 N and pulled sideways by up to `pull` times the limit μN, back to zero, and on to the
 /// same force in the other direction.
-fn pulled(pull: f64, checkpoint: &str) -> String {
+fn pulled(pull: f64) -> String {
     let traction = pull * 0.4 * 200.0 / 0.04;
     format!(
         r#"
@@ -103,7 +104,6 @@ body = "block"
 point = [0.2, 0.1, 0.001]
 [output]
 ledger = true
-{checkpoint}
 "#
     )
 }
@@ -112,7 +112,7 @@ ledger = true
 /// not return to its place when the pull does; the work of the loads is what is stored and what friction takes.
 #[test]
 fn a_pull_to_and_fro_leaves_a_displacement() {
-    let program = Program::run(&pulled(0.95, ""));
+    let program = Program::run(&pulled(0.95));
     let history = program.history();
     let [fx, fz, t, work] = ["foot.fx", "foot.fz", "t", "friction"].map(|name| history.column(name));
     for row in 3..t.len() {
@@ -135,23 +135,7 @@ fn a_pull_to_and_fro_leaves_a_displacement() {
 /// Bristles are part of checkpoints, and results do not depend on the number of threads.
 #[test]
 fn equilibria_with_friction_resume_with_the_same_bits() {
-    let scene = pulled(0.8, "[checkpoint]\ninterval = 0.2\nkeep = 9\n");
-    let text = |program: &Program| std::fs::read(program.out().join("history.csv")).unwrap();
-    let one = Program::run_with(&scene, &["--threads", "1"]);
-    let two = Program::run_with(&scene, &["--threads", "2"]);
-    assert!(text(&one) == text(&two));
-    let files = std::fs::read_dir(two.out()).unwrap().map(|entry| entry.unwrap().path());
-    let is_saved = |file: &std::path::PathBuf| file.to_string_lossy().contains("checkpoint_");
-    let mut saved: Vec<_> = files.filter(is_saved).collect();
-    saved.sort();
-    assert!(saved.len() >= 4, "{saved:?}");
-    for newest in &saved[3..] {
-        std::fs::remove_file(newest).unwrap();
-    }
-    let resumed =
-        crate::program::command().current_dir(two.directory()).args(["resume", "out"]).output().unwrap();
-    assert!(resumed.status.success(), "{}", String::from_utf8_lossy(&resumed.stderr));
-    assert!(text(&one) == text(&two), "resumed");
+    assert_same_bits("equilibria", &pulled(0.8), 0.2, 3);
 }
 
 /// What does not apply to equilibria is refused with the way out.
@@ -161,7 +145,7 @@ fn damping_and_paths_are_refused_with_friction() {
         ("friction = 0.4", "damping = 1e-3", "nothing is damped between equilibria"),
         ("[static]", "[static]\narc_steps = 10", "depends on the order of loads"),
     ] {
-        let program = Program::try_run(&pulled(0.5, "").replace(from, to), &[]);
+        let program = Program::try_run(&pulled(0.5).replace(from, to), &[]);
         assert_eq!(program.code(), Some(2), "{}", program.errors());
         assert!(program.errors().contains(words), "{}", program.errors());
     }

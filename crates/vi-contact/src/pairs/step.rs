@@ -66,13 +66,18 @@ impl StepSettings {
 
     /// Returns whether the step leads from one equilibrium to the next.
     pub(crate) fn is_equilibrium(&self) -> bool {
-        self.duration.is_infinite()
+        self.acts_at_end && self.duration.is_infinite()
     }
 
     /// Returns r of the traction k (e₀ + r u) of a bristle that sticks, with the damping time τ: ½ + τ/h between both ends of a step,
     /// and 1 at its end.
     pub(crate) fn response(&self, damping: f64) -> f64 {
         if self.acts_at_end { 1.0 } else { 0.5 + self.damping_rate(damping) }
+    }
+
+    /// Returns how many ends of the step move with x₁.
+    fn moving_ends(&self) -> f64 {
+        if self.acts_at_end { 2.0 } else { 1.0 }
     }
 
     /// Returns the positions between which pairs act, given both ends of the step.
@@ -115,6 +120,9 @@ pub struct StepPair {
     pub gap: f64,
     /// The gaps of both ends, relative to d̂.
     pub(crate) relative: [f64; 2],
+    /// How many ends of the step move with x₁: one, or both if the pair acts at the end of the step. The derivatives above are those
+    /// by one end.
+    pub(crate) ends: f64,
     /// For a point against a body, the first cell that contains the simplex of the pair; zero for other pairs.
     pub(crate) cell: u32,
 }
@@ -125,9 +133,14 @@ impl StepPair {
         -self.gradient[..self.partners.first_count()].iter().sum::<Vec3>()
     }
 
+    /// Returns k of the symmetric part k c̄ c̄ᵀ ⊗ n nᵀ of the change of G with all ends of the step that move, N/m.
+    pub(crate) fn stiffness_of_ends(&self) -> f64 {
+        self.ends * self.stiffness
+    }
+
     /// Writes k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.
     pub fn packed_stiffness(&self, out: &mut [f64]) {
-        pack_rank_one(self.stiffness, &self.weights, self.normal, 3 * self.arity, out);
+        pack_rank_one(self.stiffness_of_ends(), &self.weights, self.normal, 3 * self.arity, out);
     }
 
     /// Multiplies the force and its tangents by `factor`.
@@ -141,28 +154,19 @@ impl StepPair {
         }
     }
 
-    /// Converts tangents from a step with equal ends, of which only the second one moves, to those of a motion of both.
-    pub(crate) fn move_both_ends(&mut self) {
-        self.tangent *= 2.0;
-        self.slope *= 2.0;
-        if let Some(Parallel { by, .. }) = &mut self.parallel {
-            by.iter_mut().for_each(|by| *by *= 2.0);
-        }
-    }
-
-    /// Converts the symmetric part of the tangent likewise.
-    pub(crate) fn stiffen_both_ends(&mut self) {
-        self.stiffness *= 2.0;
-    }
-
     /// Calls `each` with the factors a and b of the change of the force with the distance, of ∂G/∂x₁ ≈ Σ a ⊗ b.
     pub(crate) fn each_tangent(&self, mut each: impl FnMut(&[Vec3; 4], &[Vec3; 4])) {
         let [along, at_end] = &self.distance;
         match &self.parallel {
-            None if self.tangent != 0.0 => each(along, &at_end.map(|vector| vector * self.tangent)),
+            None if self.tangent != 0.0 => {
+                let tangent = self.ends * self.tangent;
+                each(along, &at_end.map(|vector| vector * tangent));
+            }
             None => {}
             Some(Parallel { change: [by_c, c_at_end], by: [force_by_c, by_d, by_c_of_c] }) => {
-                let both = |d: f64, c: f64| [0, 1, 2, 3].map(|a: usize| at_end[a] * d + c_at_end[a] * c);
+                let both = |d: f64, c: f64| {
+                    [0, 1, 2, 3].map(|a: usize| (at_end[a] * d + c_at_end[a] * c) * self.ends)
+                };
                 each(along, &both(self.tangent, *force_by_c));
                 each(by_c, &both(*by_d, *by_c_of_c));
             }
@@ -182,10 +186,11 @@ impl StepPair {
         if self.slope == 0.0 {
             return;
         }
+        let slope = self.ends * self.slope;
         let [x0, x1] = x.map(|x| self.nodes.map(|node| at(x, node)));
         let (start, end) = (shape.closest(&x0), shape.closest(&x1));
         chord::each_turn(shape, &start, &end, [&x0, &x1], |left, right| {
-            each(left, &right.map(|vector| vector * self.slope));
+            each(left, &right.map(|vector| vector * slope));
         });
     }
 
@@ -299,7 +304,7 @@ impl Contact<'_> {
                 let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
                 let quotient = Quotient::new(&strength, ends, change.change, rate);
                 let partners = Partners::PointBody(point as u32, body);
-                let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient);
+                let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient, settings);
                 out.push(StepPair { cell: term.home, ..pair });
             }
         }
@@ -327,7 +332,7 @@ impl Contact<'_> {
             return None;
         }
         let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
-        let mut out = assemble(partners, 4, nodes, &change, &quotient);
+        let mut out = assemble(partners, 4, nodes, &change, &quotient, settings);
         let mollifier = Mollifier::new(a, b);
         let [c0, c1] = [Mollifier::argument(&x0), Mollifier::argument(&x1)];
         let [m0, m1] = [mollifier.value(c0), mollifier.value(c1)];
@@ -389,7 +394,7 @@ impl Contact<'_> {
         let strength = Strength { gauge, blend, multiplicity: 1.0 };
         let quotient = Quotient::new(&strength, ends, change.change, rate);
         let arity = face.shape().arity();
-        Some(assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient))
+        Some(assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient, settings))
     }
 
     /// Returns τ/h of two bodies.
@@ -405,6 +410,7 @@ fn assemble(
     nodes: [u32; 4],
     change: &DistanceChange,
     quotient: &Quotient,
+    settings: &StepSettings,
 ) -> StepPair {
     StepPair {
         partners,
@@ -422,6 +428,7 @@ fn assemble(
         dissipated: quotient.dissipated,
         gap: quotient.gap,
         relative: quotient.relative,
+        ends: settings.moving_ends(),
         cell: 0,
     }
 }

@@ -4,7 +4,6 @@
 use vi_core::Acting;
 
 use super::ContactPotential;
-use super::step::UNDAMPED;
 use crate::distance::Vec3;
 use crate::friction::{FrictionPair, Pressed, Step};
 use crate::pairs::{Contact, Group, StepPair, in_order};
@@ -91,7 +90,7 @@ impl ContactPotential {
     pub(super) fn add_acting(&self, x: [&[f64]; 2], out: &mut Acting) {
         self.for_each_acting(x, out, |pairs, out| {
             // Between equilibria, the normal force is that of the potential, which acts separately.
-            if !self.is_equilibrium() {
+            if !self.settings().is_equilibrium() {
                 self.add_normal(pairs, x, out);
             }
             self.add_friction(pairs, x, out);
@@ -112,7 +111,7 @@ impl ContactPotential {
         out: &mut Acting,
         each: impl Fn(&[StepPair], &mut Acting) + Sync,
     ) {
-        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
+        let settings = self.settings();
         let x = settings.places(x);
         let neighbours = self.neighbours.near_path(&self.surface, x, Gauge::reach);
         let contact = Contact { surface: &self.surface, neighbours: &neighbours };
@@ -120,9 +119,6 @@ impl ContactPotential {
         let empty = out.part();
         let layer = if settings.is_equilibrium() { 1.0 } else { (SOFT / out.stiffness).max(1.0) };
         let chunk = |pairs: &mut [StepPair], out: &mut Vec<Acting>| {
-            if settings.acts_at_end {
-                pairs.iter_mut().for_each(StepPair::move_both_ends);
-            }
             if layer != 1.0 {
                 pairs.iter_mut().for_each(|pair| pair.scale(layer));
             }
@@ -159,7 +155,7 @@ impl ContactPotential {
     }
 
     fn add_normal(&self, pairs: &[StepPair], x: [&[f64]; 2], out: &mut Acting) {
-        let places = self.step.as_ref().map_or(x, |step| step.settings.places(x));
+        let places = self.settings().places(x);
         for pair in pairs.iter().filter(|pair| pair.energy != [0.0; 2]) {
             let nodes = &pair.nodes;
             out.add_gradient(covector(nodes, &pair.gradient, 1.0));

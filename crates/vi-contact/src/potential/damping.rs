@@ -60,7 +60,7 @@ impl ContactPotential {
     ) {
         let bodies = self.surface.bodies_of(pair.partners);
         let Some(law) = self.surface.law(bodies[0], bodies[1]) else { return };
-        let coefficient = settings.coefficient_at_end(pair.stiffness, law.damping);
+        let coefficient = settings.coefficient_at_end(pair.stiffness_of_ends(), law.damping);
         if coefficient <= 0.0 {
             return;
         }

@@ -13,7 +13,7 @@ use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
 
 /// Settings without damping, which is a separate force.
-pub(super) const UNDAMPED: StepSettings = StepSettings::over(f64::INFINITY);
+const UNDAMPED: StepSettings = StepSettings::over(f64::INFINITY);
 
 /// A force between x₀ and x₁: the normal force of a pair, or its friction.
 pub(super) enum Force<'a> {
@@ -60,14 +60,14 @@ impl Force<'_> {
 }
 
 impl ContactPotential {
-    /// Returns whether the forces are those of friction at the end of a step between two equilibria.
-    pub(super) fn is_equilibrium(&self) -> bool {
-        self.step.as_ref().is_some_and(|step| step.settings.is_equilibrium())
+    /// Returns the settings of the step.
+    pub(super) fn settings(&self) -> &StepSettings {
+        self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings)
     }
 
     /// Returns whether this is a force of the term over the step: between equilibria, normal forces come from the potential.
     fn is_own(&self, force: &Force<'_>) -> bool {
-        matches!(force, Force::Friction(_)) || !self.is_equilibrium()
+        matches!(force, Force::Friction(_)) || !self.settings().is_equilibrium()
     }
 
     /// Calls `each` with the forces of the stencils of `range` between x₀ and x₁, and the places of their nodes.
@@ -78,7 +78,7 @@ impl ContactPotential {
         mut each: impl FnMut(usize, Force<'_>, [usize; 4]),
     ) {
         let contact = self.contact();
-        let settings = self.step.as_ref().map_or(&UNDAMPED, |step| &step.settings);
+        let settings = self.settings();
         let friction = |pairs: &[StepPair], out: &mut Vec<FrictionPair>| {
             out.clear();
             if let Some(step) = &self.step {
@@ -91,9 +91,6 @@ impl ContactPotential {
         for point in self.points_from(&range) {
             pairs.clear();
             contact.step_of_point(point, of_normal, settings, &mut group, &mut pairs);
-            if settings.acts_at_end {
-                pairs.iter_mut().for_each(StepPair::stiffen_both_ends);
-            }
             friction(&pairs, &mut rubbing);
             let all = pairs.iter().map(Force::Normal).chain(rubbing.iter().map(Force::Friction));
             for acting in all {
@@ -116,10 +113,7 @@ impl ContactPotential {
             } else {
                 contact.step_of_plane(number - edges, of_normal, settings)
             };
-            if let Some(mut pair) = pair {
-                if settings.acts_at_end {
-                    pair.stiffen_both_ends();
-                }
+            if let Some(pair) = pair {
                 friction(std::slice::from_ref(&pair), &mut rubbing);
                 each(stencil, Force::Normal(&pair), [0, 1, 2, 3]);
                 rubbing.iter().for_each(|pair| each(stencil, Force::Friction(pair), [0, 1, 2, 3]));

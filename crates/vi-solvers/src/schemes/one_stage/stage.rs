@@ -280,12 +280,12 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             return self.shorten_way(evaluator);
         }
         // The path leads from the beginning of the step to the start of the iteration.
-        let Self { stage, .. } = self;
+        let stage = &mut *self.stage;
         let goal: Vec<f64> = stage.offset.iter().zip(&stage.w).map(|(offset, w)| offset + w).collect();
         let at_start = stage.offset.iter().map(|offset| -offset).collect();
         let wanted = std::mem::replace(&mut stage.w, at_start);
         let part = stage.largest_step(system, evaluator, &goal);
-        let Stage { w, base, offset, .. } = &mut **stage;
+        let Stage { w, base, offset, .. } = stage;
         w.copy_from_slice(&wanted);
         if part < 1.0 {
             vectors::fill(w, |k| part * goal[k] - offset[k]);
@@ -294,7 +294,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator, most: f64) -> f64 {
-        let Self { stage, .. } = self;
+        let stage = &mut *self.stage;
         let reached = std::mem::take(&mut stage.w);
         stage.w = stage.base.clone();
         let change: Vec<f64> = stage.correction.iter().map(|delta| most * delta).collect();
