@@ -209,7 +209,7 @@ impl Rule for EnergyMomentum {
         true
     }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
-        Some(MultiplierDirections::Middle)
+        Some(MultiplierDirections::Stage)
     }
     fn tolerance(&self, tolerance: f64) -> f64 {
         // The energy error is the work of the residual, which is linear in the residual; for other schemes it is

@@ -138,6 +138,7 @@ macro_rules! schemes {
                 Source::own(|system, options| one_stage(BackwardEuler, system, options));
                 MethodFacts {
                     order: 1,
+                    accepts: EVERYTHING,
                     ..COMPARISON
                 }
             }
@@ -152,7 +153,7 @@ macro_rules! schemes {
                     made_of: "backward Euler, unfinished",
                     order: 1,
                     conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
-                    accepts: Accepts { dissipative_terms: false, ..COMPARISON.accepts },
+                    accepts: Accepts { dissipative_terms: false, ..EVERYTHING },
                     use_when: "looks, at a fixed price",
                     ..COMPARISON
                 }
@@ -162,6 +163,7 @@ macro_rules! schemes {
                 Source::own(|system, options| one_stage(Bdf2::default(), system, options));
                 MethodFacts {
                     order: 2,
+                    accepts: EVERYTHING,
                     ..COMPARISON
                 }
             }

@@ -140,17 +140,39 @@ fn a_free_body_keeps_its_momenta_energy_and_shape() {
         }
         assert!(defect(&system, &state) < 1e-14, "{}", method.name());
         assert!(ledger.unexplained().abs() < 1e-11, "{}: {ledger:?}", method.name());
+        let keeps = method.facts().conserves;
         let pairs = [
-            (linear_momentum(&system, &start), linear_momentum(&system, &state)),
-            (angular_momentum(&system, &start), angular_momentum(&system, &state)),
+            (true, linear_momentum(&system, &start), linear_momentum(&system, &state)),
+            (keeps.angular_momentum, angular_momentum(&system, &start), angular_momentum(&system, &state)),
         ];
-        for (before, after) in pairs {
+        for (_, before, after) in pairs.into_iter().filter(|(is_kept, ..)| *is_kept) {
             for k in 0..3 {
                 assert!((before[k] - after[k]).abs() < 1e-11, "{}: {before:?} {after:?}", method.name());
             }
         }
+        if !keeps.angular_momentum {
+            assert!(ledger.current < ledger.initial, "{}: {ledger:?}", method.name());
+            continue;
+        }
         let limit = if method == Method::EnergyMomentum { 1e-12 } else { 1e-4 * ledger.initial };
         assert!(ledger.drift < limit, "{}: {}", method.name(), ledger.drift);
+    }
+}
+
+/// A body turns by the angles θ_n about a fixed axis. Its increments are chords, and the constraints act along the radii at the
+/// end of the step, where tan θ_(n+1) = sin θ_n/(2 − cos θ_n) follows; the first step has tan θ₁ = hω.
+#[test]
+fn implicit_euler_turns_a_body_by_the_angles_of_its_recurrence() {
+    let (moments, omega, h) = ([1.0, 1.3, 1.9], 2.0, 0.01);
+    let (system, mut state) = free_body(2.0, moments, [0.0, 0.0, moments[2] * omega]);
+    let mut stepper = stepper_of(Method::BackwardEuler, &system);
+    let (mut angle, mut turn) = (0.0, f64::atan(h * omega));
+    for _ in 0..200 {
+        stepper.step(&system, &mut state, h).unwrap();
+        angle += turn;
+        turn = f64::atan(turn.sin() / (2.0 - turn.cos()));
+        let found = state.q[4].atan2(state.q[3]);
+        assert!(((found - angle) / std::f64::consts::TAU).fract().abs() < 1e-12, "{found} {angle}");
     }
 }
 
@@ -285,7 +307,7 @@ fn springs_on_a_jointed_body_close_the_ledger() {
             assert!(is_moving == (ledger.parts.prescribed != 0.0), "{name}: {ledger:?}");
             let limit = match (method, is_moving) {
                 (Method::EnergyMomentum, false) => 1e-9,
-                (Method::SymplecticEulerA | Method::SymplecticEulerB, _) => 0.1,
+                _ if method.facts().order == 1 => 0.1,
                 _ => 1e-2,
             };
             assert!(ledger.drift < limit * first, "{name}: {ledger:?}");
@@ -317,7 +339,9 @@ fn redundant_joints_are_solved_all_the_same() {
         }
         assert!(defect(&system, &state) < 1e-13, "{}", method.name());
         let (before, after) = (kinetic_energy(&system, &start), kinetic_energy(&system, &state));
-        assert!((before - after).abs() < 1e-3 * before, "{}: {before} {after}", method.name());
+        // Implicit Euler loses 2 (hω)² of the energy of a rotation per step; here (hω)² = 2e-4.
+        let limit = if method.facts().conserves.angular_momentum { 1e-3 } else { 4e-2 };
+        assert!((before - after).abs() < limit * before, "{}: {before} {after}", method.name());
     }
 }
 

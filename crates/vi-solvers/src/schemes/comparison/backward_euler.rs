@@ -1,6 +1,6 @@
 //! Implicit Euler: û = q₀ + h v₀, c = h². Order 1; each step shrinks the phase area by the factor 1/(1 + z²).
 
-use crate::schemes::one_stage::rule::Rule;
+use crate::schemes::one_stage::rule::{MultiplierDirections, Rule};
 
 pub(crate) struct BackwardEuler;
 
@@ -19,5 +19,8 @@ impl Rule for BackwardEuler {
     }
     fn change(&self, _k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         (h * v + w, w / h)
+    }
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        Some(MultiplierDirections::Stage)
     }
 }

@@ -9,7 +9,7 @@ use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::schemes::comparison::carried::continues;
-use crate::schemes::one_stage::rule::{Midpoint, Rule};
+use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule};
 
 #[derive(Default)]
 pub(crate) struct Bdf2 {
@@ -47,6 +47,9 @@ impl Rule for Bdf2 {
             return Midpoint::new().change(k, v, w, h);
         }
         (self.offset(k, v, h) + w, self.dv[k] / 3.0 + 1.5 * w / h)
+    }
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        Some(MultiplierDirections::Stage)
     }
     fn open(
         &mut self,

@@ -3,7 +3,7 @@
 
 use super::BackwardEuler;
 use crate::error::SolverError;
-use crate::schemes::one_stage::rule::Rule;
+use crate::schemes::one_stage::rule::{MultiplierDirections, Rule};
 
 pub(crate) struct TruncatedEuler {
     solves: u32,
@@ -37,6 +37,9 @@ impl Rule for TruncatedEuler {
     }
     fn change(&self, k: usize, v: f64, w: f64, h: f64) -> (f64, f64) {
         BackwardEuler.change(k, v, w, h)
+    }
+    fn multiplier_directions(&self) -> Option<MultiplierDirections> {
+        BackwardEuler.multiplier_directions()
     }
     fn solves(&self) -> Option<u32> {
         Some(self.solves)

@@ -1,12 +1,13 @@
-//! The multipliers of a constrained midpoint step, besides the unknowns of its stage:
+//! The multipliers of a constrained step, besides the unknowns of its stage:
 //! ```text
-//! M w + c (∂V/∂q(û + w) + Nᵀℓ) = 0,   g(q₁) = 0,   q₁ = q₀ + 2 (û − q₀ + w),   c = h²/4
+//! M w + c (∂V/∂q(û + w) + Nᵀℓ) = 0,   g(q₁) = 0,   q₁ = q₀ + s (û − q₀ + w)
 //! ```
-//! The ℓ are the forces of the constraints and N = ∂g/∂q their directions. Directions at the start make the scheme
-//! variational: then p₁ = p₀ + (4/h) M w + (h/2) Nᵀℓ − G₁ᵀμ with μ from G₁ M⁻¹ p₁ = 0. Directions at the stage
-//! conserve energy: then p₁ = p₀ + (4/h) M w. Newton's method eliminates ℓ: with A ≈ M + cK, y = −A⁻¹R and Z = A⁻¹Nᵀ,
+//! with s = 2 if the stage is in the middle of the step (then c = h²/4), and s = 1 if it is the end. The ℓ are the forces
+//! of the constraints and N = ∂g/∂q their directions. Directions at the start make the midpoint scheme variational: then
+//! p₁ = p₀ + (4/h) M w + (h/2) Nᵀℓ − G₁ᵀμ with μ from G₁ M⁻¹ p₁ = 0. Directions at the stage leave the scheme's own p₁; in the
+//! middle they conserve energy. Newton's method eliminates ℓ: with A ≈ M + cK, y = −A⁻¹R and Z = A⁻¹Nᵀ,
 //! ```text
-//! 2c G₁ Z Δℓ = g(q₁) + 2 G₁ y,   δ = y − c Z Δℓ.
+//! s c G₁ Z Δℓ = g(q₁) + s G₁ y,   δ = y − c Z Δℓ.
 //! ```
 //! Z costs one solve per multiplier and is computed once per step and factor. ℓ + Δℓ and δ depend on w alone and not
 //! on the ℓ in R, so Newton's method and its accelerations only see w. After the stage is solved to its tolerance, q₁
@@ -33,6 +34,8 @@ pub(crate) struct Multipliers {
     /// A δ of the last correction.
     load: Vec<f64>,
     h: f64,
+    /// s: change of the end of the step per change of the stage.
+    end_per_stage: f64,
     end_t: f64,
     /// g and G at the end of the step, from the last evaluation.
     defect: DVector<f64>,
@@ -71,6 +74,7 @@ impl Multipliers {
             forces: vec![0.0; m],
             load: vec![0.0; n],
             h: 0.0,
+            end_per_stage: 1.0,
             end_t: 0.0,
             defect: DVector::zeros(m),
             rows: Vec::new(),
@@ -96,8 +100,8 @@ impl Multipliers {
         Ok(())
     }
 
-    pub(crate) fn open(&mut self, system: &System, state: &State, h: f64) {
-        (self.h, self.end_t) = (h, state.t + h);
+    pub(crate) fn open(&mut self, system: &System, state: &State, h: f64, end_per_stage: f64) {
+        (self.h, self.end_t, self.end_per_stage) = (h, state.t + h, end_per_stage);
         self.manifold.set_directions(system, &state.q, state.t);
         self.z_is_of = None;
         self.forces.copy_from_slice(&self.last);
@@ -112,7 +116,7 @@ impl Multipliers {
         end: impl Fn(usize) -> f64,
         added: &mut [f64],
     ) {
-        if self.directions == MultiplierDirections::Middle {
+        if self.directions == MultiplierDirections::Stage {
             self.manifold.set_directions(system, q, t);
         }
         self.manifold.add_force(&self.forces, 1.0, added);
@@ -174,7 +178,7 @@ impl Multipliers {
         let first = first as u32;
         self.manifold
             .for_each_direction(|free, multiplier, value| matrix.add(free, first + multiplier, value));
-        if self.directions == MultiplierDirections::Middle {
+        if self.directions == MultiplierDirections::Stage {
             self.manifold.for_each_curvature(&self.forces, |i, j, value| matrix.add(i, j, c * value));
         }
         for (multiplier, row) in self.rows.iter().enumerate() {
@@ -182,9 +186,9 @@ impl Multipliers {
         }
     }
 
-    /// Appends −g/2 to the right side of the equations of [`Multipliers::complete`].
+    /// Appends −g/s to the right side of the equations of [`Multipliers::complete`].
     pub(crate) fn complete_rhs(&self, rhs: &mut Vec<f64>) {
-        rhs.extend(self.defect.iter().map(|defect| -0.5 * defect));
+        rhs.extend(self.defect.iter().map(|defect| -defect / self.end_per_stage));
     }
 
     /// Takes the change c Δℓ of a correction of the equations with this residual.
@@ -207,10 +211,11 @@ impl Multipliers {
         self.refresh(inverse, evaluator, n)?;
         let along = |row: &Row, v: &[f64]| row.iter().map(|&(k, g)| g * v[k as usize]).sum::<f64>();
         let defect = |i: usize| if part == Part::Whole { self.defect[i] } else { 0.0 };
-        let rhs = DVector::from_fn(m, |i, _| defect(i) + 2.0 * along(&self.rows[i], v));
+        let s = self.end_per_stage;
+        let rhs = DVector::from_fn(m, |i, _| defect(i) + s * along(&self.rows[i], v));
         let (rows, z, is_redundant) = (&self.rows, &self.z, self.manifold.is_redundant());
         let factored = self.factored.get_or_insert_with(|| {
-            let matrix = DMatrix::from_fn(m, m, |i, j| 2.0 * c * along(&rows[i], &z[j * n..(j + 1) * n]));
+            let matrix = DMatrix::from_fn(m, m, |i, j| s * c * along(&rows[i], &z[j * n..(j + 1) * n]));
             Units::of(&matrix.diagonal().map(f64::abs)).factor(matrix, is_redundant)
         });
         let solved = factored.solve(&rhs);
@@ -260,11 +265,14 @@ impl Multipliers {
     pub(crate) fn project_end(
         &mut self,
         system: &System,
+        c: f64,
         end: impl Fn(usize, f64) -> f64,
         w: &mut [f64],
         t: f64,
     ) -> Result<(), SolverError> {
-        // The impulses p −= Nᵀλ, q₁ −= h M⁻¹Nᵀλ correspond to w −= (h/2) M⁻¹Nᵀλ, ℓ += (2/h) λ.
+        // The impulses p −= Nᵀλ, q₁ −= h M⁻¹Nᵀλ correspond to w −= (h/s) M⁻¹Nᵀλ, ℓ += (h/(s c)) λ.
+        let (w_per_impulse, force_per_impulse) =
+            (self.h / self.end_per_stage, self.h / (self.end_per_stage * c));
         let mass = system.free_mass();
         self.q_end.iter_mut().enumerate().for_each(|(k, q)| *q = end(k, w[k]));
         self.p_scratch.fill(0.0);
@@ -273,16 +281,16 @@ impl Multipliers {
         self.manifold.project_positions(system, q, p, t, self.h, &mut impulses)?;
         for (k, w) in w.iter_mut().enumerate() {
             if self.p_scratch[k] != 0.0 {
-                *w += 0.5 * self.h * self.p_scratch[k] / mass[k];
+                *w += w_per_impulse * self.p_scratch[k] / mass[k];
             }
         }
         for (force, impulse) in self.forces.iter_mut().zip(&impulses) {
-            *force += 2.0 / self.h * impulse;
+            *force += force_per_impulse * impulse;
         }
         Ok(())
     }
 
-    /// Returns the momentum at the end (q, t) from p₀ + (4/h) M w.
+    /// Makes the scheme's momentum p at the end (q, t) tangent there, if directions are at the ends.
     pub(crate) fn close(
         &mut self,
         system: &System,
@@ -303,7 +311,7 @@ impl Multipliers {
     pub(crate) fn prescribed_work(&self, along: &[f64]) -> f64 {
         match self.directions {
             MultiplierDirections::Ends => self.end_work,
-            MultiplierDirections::Middle => self.manifold.prescribed_work(&self.forces, along),
+            MultiplierDirections::Stage => self.manifold.prescribed_work(&self.forces, along),
         }
     }
 }

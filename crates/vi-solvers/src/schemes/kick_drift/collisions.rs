@@ -173,7 +173,7 @@ impl Rule for Drift {
         false
     }
     fn multiplier_directions(&self) -> Option<MultiplierDirections> {
-        Some(MultiplierDirections::Middle)
+        Some(MultiplierDirections::Stage)
     }
 }
 

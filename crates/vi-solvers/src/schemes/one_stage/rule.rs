@@ -106,9 +106,10 @@ pub(crate) trait Rule: Send + Sync {
 pub(crate) enum MultiplierDirections {
     /// At the start, and at the end for the momentum: variational (Marsden & West 2001, §3.5).
     Ends,
-    /// At the stage in the middle of the step, where they do no work on quadratic constraints: energy
-    /// is kept (Gonzalez 1999). The momentum is tangent in the mean of its ends.
-    Middle,
+    /// At the stage. In the middle of the step they do no work on quadratic constraints: energy is kept (Gonzalez 1999), and the
+    /// momentum is tangent in the mean of its ends. At the end of the step, they are those of backward differences for equations
+    /// with constraints (Hairer & Wanner 1996, §VII.3).
+    Stage,
 }
 
 /// A stage that is being solved, evaluated at û + w.

@@ -120,7 +120,7 @@ impl Stage {
         };
         self.twice_origin = vectors::sum(mass.len(), |k| mass[k] * state.q[k] * state.q[k]);
         if let Some(multipliers) = &mut self.multipliers {
-            multipliers.open(system, state, h);
+            multipliers.open(system, state, h, self.end_per_stage);
         }
     }
 
@@ -153,12 +153,12 @@ impl Stage {
             rule.correction(&Trial { system, evaluator, start_q, start_t, h, offset, w }, added);
             evaluator.work.energies += 1;
         }
-        let Self { multipliers, added, q, origin, offset, w, t, .. } = self;
+        let Self { multipliers, added, q, origin, offset, w, t, end_per_stage, .. } = self;
         if let Some(multipliers) = multipliers {
             if !rule.has_correction() {
                 added.fill(0.0);
             }
-            let end = |k: usize| origin[k] + 2.0 * (offset[k] + w[k]);
+            let end = |k: usize| origin[k] + *end_per_stage * (offset[k] + w[k]);
             multipliers.evaluate(system, q, *t, end, added);
         }
         Ok(())
@@ -202,11 +202,11 @@ impl Stage {
 
     /// Projects the end of the step onto the manifold of the constraints, to round-off.
     pub(super) fn project_end(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
-        let Self { multipliers, origin, offset, w, h, .. } = self;
+        let Self { multipliers, origin, offset, w, h, c, end_per_stage, .. } = self;
         match multipliers {
             Some(multipliers) => {
-                let end = |k: usize, w: f64| origin[k] + 2.0 * (offset[k] + w);
-                multipliers.project_end(system, end, w, before.t + *h)
+                let end = |k: usize, w: f64| origin[k] + *end_per_stage * (offset[k] + w);
+                multipliers.project_end(system, *c, end, w, before.t + *h)
             }
             None => Ok(()),
         }
