@@ -233,12 +233,6 @@ fn refused(method: &Method) -> Option<String> {
     let name = method.label();
     let advice = "use stormer-verlet, implicit-midpoint or energy-momentum";
     match method {
-        Method::BlanesMoan4 | Method::BlanesMoan6 => Some(format!(
-            "{name} contains steps backwards in time, which would meet obstacles that the body has left; with [contact] {advice}"
-        )),
-        Method::Gauss { stages } if *stages > 1 => Some(format!(
-            "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}"
-        )),
         Method::TruncatedEuler { .. } => Some(format!(
             "{name} may end a step before surfaces that meet are apart; with [contact] {advice}"
         )),

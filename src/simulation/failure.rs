@@ -33,6 +33,7 @@ impl Simulation {
             cause,
             SolverError::NoConvergence { .. }
                 | SolverError::Crossing { .. }
+                | SolverError::UnresolvedContact { .. }
                 | SolverError::Equilibrium { .. }
                 | SolverError::ArcStep { .. }
                 | SolverError::ControlStep { .. }

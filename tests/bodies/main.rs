@@ -7,6 +7,7 @@ mod contact_cases;
 mod contact_conformance;
 mod contact_failures;
 mod contact_planes;
+mod contact_resolved;
 mod contact_scenes;
 mod contact_statics;
 mod equilibria;

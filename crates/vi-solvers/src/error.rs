@@ -72,6 +72,22 @@ pub enum SolverError {
         /// Whether this was so before the step began. Then no smaller step helps.
         at_start: bool,
     },
+    /// A step is too long for the forces of contact at a stage of the scheme.
+    #[error(
+        "{scheme} does not resolve contact with this step: hω = {product:.3} with the highest frequency ω of the surfaces \
+         that press on each other, of at most {limit}; use a step of at most {longest:.3e} s, or stormer-verlet, \
+         implicit-midpoint or energy-momentum, which need not resolve it"
+    )]
+    UnresolvedContact {
+        /// Name of the scheme.
+        scheme: &'static str,
+        /// Largest hω that the scheme accepts.
+        limit: f64,
+        /// hω at the stage.
+        product: f64,
+        /// The longest step that is accepted at this configuration, s.
+        longest: f64,
+    },
     /// The straight path of a step would make surfaces pass through each other, and so would every other path that
     /// was tried.
     #[error("surfaces would pass through each other in this step: something moves too far at once")]

@@ -11,6 +11,7 @@ pub(crate) mod kick_drift;
 pub(crate) mod lanczos;
 pub(crate) mod method;
 mod one_stage;
+mod resolution;
 pub(crate) mod stability;
 pub(crate) mod stepper;
 mod table;

@@ -20,8 +20,14 @@ const SCHEMES: [&str; 9] = [
     "newmark",
 ];
 
-/// Number of schemes, from the start of the list, that support free rigid bodies.
+/// Number of schemes, from the start of the list, from which those of scenes with free rigid bodies are drawn.
 const TAKE_RIGIDS: usize = 7;
+/// Schemes that replace some of those with free rigid bodies, and some of those without friction and damping. They are drawn from
+/// a sequence of their own, so that the other scenes keep their numbers.
+const OF_RIGIDS: [&str; 2] = ["backward-euler", "bdf2"];
+const OF_HIGH_ORDER: [&str; 3] = ["blanes-moan-4", "blanes-moan-6", "gauss"];
+/// Seed of that sequence, as a change of the seed of the scenes.
+const FURTHER: u64 = 0x5EED;
 
 /// Material and size common to all bodies of a scene.
 struct Matter {
@@ -57,6 +63,12 @@ pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     let count = 10 + random.below(40);
     let friction = if !random.once_in(3) { random.between(0.0, 1.5) } else { 0.0 };
     let damping = if random.once_in(2) { step * random.decades(0.1, 10.0) } else { 0.0 };
+    let further = &mut Random::of(seed ^ FURTHER, index);
+    let scheme = match (has_free_rigids, friction == 0.0 && damping == 0.0) {
+        (true, _) if further.once_in(8) => further.of_all(&OF_RIGIDS),
+        (false, true) if further.once_in(2) => further.of_all(&OF_HIGH_ORDER),
+        _ => scheme,
+    };
     let gravity = if random.once_in(2) { 9.81 * random.decades(0.1, 100.0) } else { 0.0 };
     let mut scene = json!({
         "gravity": [0.0, 0.0, -gravity],

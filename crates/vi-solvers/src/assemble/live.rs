@@ -215,6 +215,18 @@ impl LiveSum {
         self.has_pairs_near()
     }
 
+    /// Returns the number of stencils near positions x.
+    pub(crate) fn candidates_at(&mut self, x: &[f64]) -> usize {
+        self.follow(x, None);
+        self.candidate_count()
+    }
+
+    /// Returns the number of stencils near the last configuration.
+    pub(crate) fn candidate_count(&self) -> usize {
+        let terms = self.near.iter().flat_map(|near| near.whole.terms().fixed());
+        terms.map(|term| term.stencil_count()).sum()
+    }
+
     /// Returns whether any pair is near the last configuration.
     pub(crate) fn has_pairs_near(&self) -> bool {
         let near = self.near.as_ref();

@@ -25,6 +25,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::gauss::collocation::Collocation;
 use crate::schemes::gauss::stages::{GaussEquations, Stages};
+use crate::schemes::resolution::Resolution;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
@@ -77,7 +78,7 @@ impl Gauss {
         self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.stages.open(system, &self.inertia, state, h);
         let iterations = self.solve(system)?;
-        let Stages { coefficients, z, velocity, history, has_history, scratch, .. } = &mut self.stages;
+        let Stages { coefficients, z, velocity, scratch, .. } = &mut self.stages;
         let (n, mass, z) = (state.q.len(), system.free_mass(), &*z);
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
@@ -98,11 +99,30 @@ impl Gauss {
             });
         }
         check_finite(q, p, system)?;
+        self.check_resolution(system, state)?;
+        let Stages { z, history, has_history, .. } = &mut self.stages;
         vectors::fill(history, |k| z[k] / (h * h));
         *has_history = true;
         let energy = if self.ledger { self.account(system)? } else { StepEnergy::default() };
         self.inertia.close(&self.after.p, &self.dv);
         Ok((iterations, energy))
+    }
+
+    /// Checks that the stages resolve live terms, and that nothing meets on the way through them to the end of the step.
+    fn check_resolution(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let Self { evaluator, stages, after, .. } = self;
+        if !evaluator.has_live() {
+            return Ok(());
+        }
+        let resolution = Resolution { scheme: Self::NAME, h: stages.h };
+        let (mut q, mut t) = (before.q.clone(), before.t);
+        for i in 0..stages.coefficients.stages() {
+            let t_stage = stages.configure(i);
+            resolution.check_path(system, evaluator, (&q, t), (&stages.q, t_stage))?;
+            resolution.check_forces(system, evaluator, (&stages.q, t_stage))?;
+            (q, t) = (stages.q.clone(), t_stage);
+        }
+        resolution.check_path(system, evaluator, (&q, t), (&after.q, after.t))
     }
 
     fn solve(&mut self, system: &System) -> Result<u32, SolverError> {

@@ -33,6 +33,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::constraint::manifold::ConstraintManifold;
 use crate::schemes::kick_drift::collisions::Collisions;
 use crate::schemes::kick_drift::splitting::Splitting;
+use crate::schemes::resolution::Resolution;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
 use crate::work::Work;
@@ -57,7 +58,7 @@ pub(crate) struct KickDrift {
     impulses: Vec<f64>,
     /// The drift of a filtered mass, if it is filtered.
     filtered: Option<FilteredDrift>,
-    /// The collisions in drifts, if there are live terms and the scheme uses discrete gradients.
+    /// The collisions in drifts, if there are live terms and no drift goes backwards in time.
     collisions: Option<Collisions>,
 }
 
@@ -69,7 +70,8 @@ impl KickDrift {
         options: &SolverOptions,
     ) -> Result<Self, SolverError> {
         let n = system.coordinates().free_count();
-        // A drift backwards in time would meet obstacles that the body has already left.
+        // A drift backwards in time would meet obstacles that the body has already left. Schemes with such drifts resolve live terms
+        // by their gradient instead.
         let takes_discrete = coefficients.drifts.iter().all(|&drift| drift >= 0.0);
         let collisions = if takes_discrete { Collisions::new(system, options)? } else { None };
         let mut evaluator = Self::evaluator(system, collisions.as_ref());
@@ -135,6 +137,12 @@ impl KickDrift {
             *q += drift * (*p * inverse_mass[k]);
         });
         work
+    }
+
+    /// Returns the checks of a step in which live terms act in the kicks by their gradient.
+    fn resolution(&self, system: &System, h: f64) -> Option<Resolution> {
+        let is_needed = self.collisions.is_none() && !system.terms().live().is_empty();
+        is_needed.then_some(Resolution { scheme: self.name, h })
     }
 
     /// Returns whether only q and p are needed.
@@ -225,12 +233,17 @@ impl KickDrift {
             self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
         }
         let drifts = self.coefficients.drifts.len();
+        let resolution = self.resolution(system, h);
+        let mut before = Vec::new();
         let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
         for i in 0..=drifts {
             let kick = self.coefficients.kicks[i] * h;
             let drift = if i < drifts { self.coefficients.drifts[i] } else { 0.0 };
             if kick != 0.0 {
                 self.evaluator.evaluate(system, &self.q, t, i == 0)?;
+                if let Some(resolution) = resolution {
+                    resolution.check_forces(system, &mut self.evaluator, (&self.q, t))?;
+                }
                 let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
                 self.evaluate_nonconservative(system, t, kick, closes)?;
             }
@@ -241,6 +254,10 @@ impl KickDrift {
                 manifold.set_directions(system, &self.q, t);
             }
             let free_drift = if self.collisions.is_some() { 0.0 } else { drift * h };
+            if resolution.is_some() {
+                before.clone_from(&self.q);
+            }
+            let started = t;
             kicked += if self.nonconservative.is_some() {
                 self.forced_kick_drift(system, t, kick, free_drift, &mut energy)
             } else {
@@ -251,6 +268,9 @@ impl KickDrift {
             }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
+            if let Some(resolution) = resolution {
+                resolution.check_path(system, &mut self.evaluator, (&before, started), (&self.q, t))?;
+            }
             // A drift with collisions satisfies the constraints by itself.
             if drift != 0.0 && self.manifold.is_some() && self.collisions.is_none() {
                 kicked += self.project_positions(system, t, drift * h, &mut energy)?;

@@ -162,6 +162,7 @@ impl StepError {
                 | SolverError::NoConvergence { .. }
                 | SolverError::Budget { .. }
                 | SolverError::Crossing { .. }
+                | SolverError::UnresolvedContact { .. }
                 | SolverError::NotPositiveDefinite(_)
                 | SolverError::NegativeCurvature { .. }
                 | SolverError::ConjugateGradients { .. }

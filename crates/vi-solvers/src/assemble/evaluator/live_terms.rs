@@ -137,6 +137,33 @@ impl Evaluator {
         meetings
     }
 
+    /// Returns the Hessian of live terms alone at the last configuration; `None` if nothing is near.
+    pub(crate) fn live_hessian(&mut self) -> Option<&SymmetricMatrix> {
+        let Self { assembler, x, t, work, .. } = self;
+        let live = assembler.live()?;
+        let count = live.candidates_at(x);
+        work.pair_forces += count as u64;
+        if count > 0 { live.own_hessian(x, *t) } else { None }
+    }
+
+    /// Returns the nodes of a pair of live terms that obstructs the straight path between two configurations, (q, t) each.
+    pub(crate) fn obstacle(
+        &mut self,
+        system: &System,
+        start: (&[f64], f64),
+        end: (&[f64], f64),
+    ) -> Option<[u32; 4]> {
+        let place = |(q, t): (&[f64], f64)| {
+            let mut x = vec![0.0; system.coordinates().dof_count()];
+            system.coordinates().embed(q, t, &mut x);
+            x
+        };
+        let live = self.assembler.live()?;
+        let obstacle = live.obstacle(&place(start), &place(end));
+        self.work.path_checks += live.candidate_count() as u64;
+        obstacle
+    }
+
     /// Returns the ends of the step, if they have been set.
     pub(crate) fn ends(&self) -> Option<&[Vec<f64>; 2]> {
         self.ends.as_ref()

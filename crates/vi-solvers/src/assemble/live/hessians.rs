@@ -48,6 +48,12 @@ impl LiveSum {
         }
     }
 
+    /// Returns the Hessian of the live terms alone; `None` if a term cannot be used.
+    pub(crate) fn own_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
+        self.follow(x, None);
+        Some(self.near.as_mut()?.whole.hessian(x, t, HessianEvaluation::Exact))
+    }
+
     /// Returns the Hessian of the terms that act by their gradient, if terms with a discrete gradient are kept apart.
     pub(crate) fn plain_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
         self.follow(x, None);

@@ -1,0 +1,86 @@
+//! Tests the schemes of high order, whose steps must resolve contact: they keep the energy of a blow far better than a
+//! scheme of order two, and a step that is too long for them fails by name.
+
+use crate::contact::{assert_same_bits, block};
+use crate::program::Program;
+
+/// The schemes as they are written in a scene, with a step that resolves the blow of the block.
+const SCHEMES: [(&str, f64); 4] = [
+    ("blanes-moan-4", 4e-4),
+    ("blanes-moan-6", 4e-4),
+    ("gauss\"\nstages = 2\n#\"", 2e-4),
+    ("gauss\"\nstages = 3\n#\"", 2e-4),
+];
+
+/// Describes the block with its first impact and rebound.
+fn blow(scheme: &str, step: f64, contact: &str) -> String {
+    block(scheme, contact)
+        .replace("step = 1e-3", &format!("step = {step:e}"))
+        .replace("end = 0.3", "end = 0.2")
+}
+
+/// Returns the largest error of the energy, relative to the largest kinetic energy.
+fn energy_error(program: &Program) -> f64 {
+    let history = program.history();
+    let (total, kinetic) = (history.column("total"), history.column("kinetic"));
+    let exchanged = kinetic.iter().copied().fold(0.0, f64::max);
+    total.iter().map(|e| (e - total[0]).abs()).fold(0.0, f64::max) / exchanged
+}
+
+#[test]
+fn a_resolved_blow_keeps_its_energy_and_its_account_closes() {
+    let second_order = energy_error(&Program::run(&blow("stormer-verlet", 4e-4, "")));
+    for (scheme, step) in SCHEMES {
+        let program = Program::run(&blow(scheme, step, ""));
+        let history = program.history();
+        assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
+        assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
+        let error = energy_error(&program);
+        assert!(error < 1e-2 * second_order, "{scheme}: {error:e}, order 2: {second_order:e}");
+        let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
+        assert!(unexplained.abs() < 1e-9, "{scheme}: {unexplained:e}");
+        // The layer has no third derivative at its edge, so that the error decreases at least with order two.
+        let finer = energy_error(&Program::run(&blow(scheme, 0.25 * step, "")));
+        assert!(finer < error / 16.0 || finer < 1e-10, "{scheme}: {error:e} {finer:e}");
+    }
+}
+
+#[test]
+fn a_resolved_run_is_the_same_on_any_threads_and_after_a_resume() {
+    for (scheme, step) in [SCHEMES[1], SCHEMES[2]] {
+        assert_same_bits(scheme, &blow(scheme, step, ""), 0.04, 3);
+    }
+}
+
+#[test]
+fn a_step_that_is_too_long_for_contact_fails_with_one_that_is_not() {
+    let hard = |step: f64| blow("blanes-moan-4", step, "stiffness = 1e9\n");
+    let program = Program::check(&hard(2e-3));
+    let output = crate::program::command()
+        .current_dir(program.directory())
+        .args(["run", "scene.toml", "--out", "out"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(4), "{said}");
+    for word in ["blanes-moan-4 does not resolve contact", "use a step of at most", "energy-momentum"] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    // Implicit steps are cut until their parts resolve contact.
+    let cut = Program::run(&blow(SCHEMES[2].0, 2e-3, "stiffness = 1e8\n"));
+    assert!(
+        cut.report()["substeps"]["steps_cut"].as_u64().is_some_and(|steps| steps > 0),
+        "{}",
+        cut.report()["substeps"]
+    );
+}
+
+#[test]
+fn friction_is_refused_by_schemes_without_it() {
+    for (scheme, step) in SCHEMES {
+        let program = Program::check(&blow(scheme, step, "friction = 0.3\n"));
+        let said = program.errors() + &String::from_utf8_lossy(&program.output.stdout);
+        assert_eq!(program.code(), Some(2), "{said}");
+        assert!(said.contains("friction") && said.contains("energy-momentum"), "{said}");
+    }
+}
