@@ -20,10 +20,10 @@ mod wording;
 
 use serde::Serialize;
 
-use crate::auto::trial::{Choice, Norm, TrialWatch};
+use crate::auto::trial::{Choice, TrialWatch};
 use crate::scene::{MassKind, Problem, Scene, SchemeName, Time};
 use crate::simulation::Simulation;
-use crate::simulation::stability::highest;
+use crate::simulation::stability::{highest, rotation};
 pub use candidate::Candidate;
 use search::{Search, Stopped};
 
@@ -121,9 +121,9 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
             format!("\"auto\" needs the highest frequency of the scene: {error}; or name scheme and step");
         SettleError::Scene(vec![Problem::new("time.scheme", message)])
     })?;
-    // If no force changes with position, as in free flight, the trials alone decide.
-    let omega = found.unwrap_or(0.0);
-    let mut search = Search::new(scene, watch, Norm::new(&simulation), omega, SAFETY * tolerance);
+    // If no force changes with position and nothing turns, as in free flight, the trials alone decide.
+    let omega = found.unwrap_or(0.0).max(rotation(&simulation));
+    let mut search = Search::new(scene, watch, &simulation, omega, SAFETY * tolerance);
     drop(simulation);
     let verlet = search.limit(SchemeName::StormerVerlet, 1);
     let explicit_seconds = if is_explicit { search.cost(verlet)? } else { None };

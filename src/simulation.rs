@@ -24,7 +24,7 @@ mod tests;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange, SharedTerms, State, System};
-use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, Work};
+use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, UnitCosts, Work};
 
 use crate::model::parts::needs_no_elements;
 use crate::model::{
@@ -288,7 +288,10 @@ impl Simulation {
     pub fn counted_seconds(&self) -> f64 {
         let cost = |component: &Component| {
             let stepper = component.stepper.as_ref()?;
-            Some(stepper.unit_costs(&component.system).seconds(&stepper.work()))
+            let work = stepper.work();
+            let triangle_count = component.contact.as_ref().map_or(0, ContactWatch::triangle_count);
+            let live = UnitCosts::live_seconds(&work, triangle_count);
+            Some(stepper.unit_costs(&component.system).seconds(&work) + live)
         };
         self.components.iter().filter_map(cost).sum()
     }

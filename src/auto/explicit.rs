@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use super::Candidate;
 use super::activity::first_event;
-use super::search::{NoTrial, Search, Stopped, TENTH, seconds_per_step};
+use super::search::{HIGHER, NoTrial, Search, Stopped, TENTH, seconds_per_step};
 use crate::auto::trial::{Choice, Trial};
 use crate::scene::SchemeName;
 
@@ -15,6 +15,9 @@ const FIRST_TWO: f64 = 5.0;
 const FIRST_THREE: f64 = 12.0;
 /// The smallest part of a run for trials: 2^−8.
 const SMALLEST: u32 = 8;
+/// Relative error below which schemes of high order are tried with contact, which they must resolve. They pay below about 2e-5
+/// (docs/performance.md, "High order through contact").
+const PAYS_IN_CONTACT: f64 = 1e-4;
 /// Smallest number of Störmer–Verlet steps in a part.
 const LEAST_STEPS: u64 = 16;
 /// Largest number of trials of a chain: up to Blanes–Moan 6 with 1/64 of the step at its limit.
@@ -43,7 +46,8 @@ impl Search<'_> {
         let parts = if size < 1.0 { (2.0 / size) as u64 } else { 1 };
         let mut stretch = 0.0..size;
         let mut chain: Vec<Solution> = Vec::new();
-        let mut takes_higher = true;
+        let pays = self.scene.contact.is_none() || self.aim < PAYS_IN_CONTACT;
+        let mut takes_higher = pays && HIGHER.iter().all(|&scheme| self.accepts(scheme, None));
         let mut found = None;
         for number in 0..LONGEST {
             let Some(mut choice) = self.link(number, parts, takes_higher) else { break };

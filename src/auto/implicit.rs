@@ -2,9 +2,8 @@
 //! measured error of the coarser one.
 
 use super::Candidate;
-use super::search::{COARSEST, FINEST, NoTrial, Search, Stopped, TENTH};
+use super::search::{COARSEST, FINEST, IMPLICIT, NoTrial, Search, Stopped, TENTH};
 use crate::auto::trial::{Choice, Norm, Trial};
-use crate::scene::SchemeName;
 
 /// Smallest order that counts as convergence.
 const LEAST_ORDER: f64 = 0.8;
@@ -38,12 +37,11 @@ impl Search<'_> {
             rungs: Vec::new(),
             over: false,
         };
-        let schemes = [
-            (SchemeName::ImplicitMidpoint, None),
-            (SchemeName::Gauss, Some(2)),
-            (SchemeName::Gauss, Some(3)),
-        ];
-        let mut ladders = schemes.map(ladder);
+        let schemes = IMPLICIT.into_iter().filter(|&(scheme, stages)| self.accepts(scheme, stages));
+        let mut ladders: Vec<Ladder> = schemes.map(ladder).collect();
+        if ladders.is_empty() {
+            return Ok(Vec::new());
+        }
         let begin = self.spent();
         // Two steps show whether a ladder could fit into the budget.
         let probe = self.trial(ladders[0].choice, 0.0..2.0 / COARSEST as f64, 0.1 * allowed)?;

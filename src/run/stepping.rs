@@ -137,10 +137,10 @@ impl Run {
         let watches_motion = is_unasked && method.is_explicit;
         if is_unasked {
             warns_above = WARNS_ABOVE;
-            if has_explicit_contact {
-                // Each change of a step near the stability limit adds energy.
-                rule.action = GuardAction::Stop;
-            }
+        }
+        if scene.guard.is_none() && has_explicit_contact {
+            // Each change of a step near the stability limit adds energy.
+            rule.action = GuardAction::Stop;
         }
         if scene.statics.is_some() || !simulation.is_accounted() {
             // Growth cannot be determined without the external work.

@@ -46,7 +46,7 @@ pub enum GuardAction {
 
 /// `[guard]`: watches the growth of total energy minus the work of loads, prescribed motion and damping. Without this
 /// table the guard warns of a growth of 0.1 and halves the step at a growth of 1 (explicit schemes with contact: ends
-/// the run); with `scheme = "auto"` it halves the step at a growth of 1e-2.
+/// the run); with `scheme = "auto"` it does so at a growth of 1e-2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Guard {

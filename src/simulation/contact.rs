@@ -126,6 +126,11 @@ impl ContactWatch {
         self.forces = forces.map(|(between, value)| Impulse { between, value }).collect();
     }
 
+    /// Returns the number of triangles that are searched.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.term.surface().cells().len()
+    }
+
     /// Returns the size of the search for report.json.
     pub(crate) fn report(&self) -> Value {
         let surface = self.term.surface();

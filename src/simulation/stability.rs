@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 use vi_core::{State, System};
-use vi_solvers::{Method, SolverError, highest_frequency};
+use vi_solvers::{Frequencies, Method, SolverError, highest_frequency};
 
-use crate::simulation::Simulation;
+use crate::simulation::{Component, Simulation};
 
 /// The stability of an explicit scheme at the start of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -101,4 +101,19 @@ pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
         moving.par_iter().map(frequency).collect::<Result<_, _>>()?
     };
     Ok(found.into_iter().reduce(f64::max).filter(|omega| *omega > 0.0))
+}
+
+/// Returns the highest angular frequency of the motion with which rigid bodies start, rad/s: the multipliers of their
+/// constraints change at this rate. Zero if none is free.
+pub fn rotation(simulation: &Simulation) -> f64 {
+    let constrained = simulation
+        .components()
+        .iter()
+        .filter(|component| component.stepper().is_some() && !component.system().constraints().is_empty());
+    let rate = |component: &Component| {
+        let (system, state) = (component.system(), component.state());
+        // If the state has no finite force, the trials say so.
+        Frequencies::new(system).of_motion(system, state).unwrap_or(0.0)
+    };
+    constrained.map(rate).fold(0.0, f64::max)
 }

@@ -330,3 +330,39 @@ history = 1
         }
     }
 }
+
+/// `auto` chooses for a body that turns, whose rate counts as its highest frequency, and for bodies that meet. Explicit steps of the
+/// latter are not changed on the way, and are shorter than the flight by a tenth of the thickness of a body.
+#[test]
+fn auto_chooses_for_rigid_bodies() {
+    let scene = |rigids: &str, end: f64| {
+        Program::run(&format!("[time]\nend = {end}\nscheme = \"auto\"\ntolerance = 0.01\n{rigids}"))
+    };
+    let spinning = "[[rigid]]\nname = \"top\"\nmass = 2.0\ninertia = [1.0, 2.0, 2.8]\nangular_velocity = [0.05, 1.0, 0.01]\n";
+    let turned = scene(spinning, 6.0).report();
+    assert!(turned["auto"]["highest_frequency"].as_f64().unwrap() > 0.9, "{}", turned["auto"]);
+    assert!(
+        turned["auto"]["candidates"][0]["predicted_error"].as_f64().unwrap() < 0.01,
+        "{}",
+        turned["auto"]
+    );
+    let balls = r#"
+[contact]
+[[rigid]]
+name = "left"
+shape = { kind = "sphere", radius = 0.05 }
+density = 1000.0
+velocity = [1.0, 0.0, 0.0]
+[[rigid]]
+name = "right"
+shape = { kind = "sphere", radius = 0.05 }
+density = 1000.0
+position = [0.2, 0.01, 0.0]
+"#;
+    let program = scene(balls, 0.4);
+    let (report, history) = (program.report(), program.history());
+    assert!(report["h"].as_f64().unwrap() <= 0.01, "{}", report["h"]);
+    assert_eq!(report["substeps"]["steps_cut"], 0);
+    assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0));
+    assert!(history.column("right.x").last().unwrap() > &0.3, "{:?}", history.column("right.x").last());
+}

@@ -1,8 +1,8 @@
 //! Checks rigid bodies, their joints and attachments.
 
 use super::checker::Checker;
+use crate::scene::Scene;
 use crate::scene::problem::some_of;
-use crate::scene::{Rigid, Scene, SchemeName};
 
 /// Checks rigid bodies, their joints and attachments.
 pub(super) fn rigids(check: &mut Checker, scene: &Scene) {
@@ -50,12 +50,5 @@ pub(super) fn rigids(check: &mut Checker, scene: &Scene) {
                 check.say(format!("attach[{i}].{part}"), message);
             }
         }
-    }
-    let is_free = |rigid: &Rigid| !rigid.is_prescribed();
-    if scene.time.scheme == Some(SchemeName::Auto) && scene.rigids.iter().any(is_free) {
-        check.say(
-            "time.scheme",
-            "\"auto\" does not choose for free rigid bodies; name implicit-midpoint, energy-momentum or stormer-verlet",
-        );
     }
 }

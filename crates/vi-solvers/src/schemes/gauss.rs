@@ -77,6 +77,10 @@ impl Gauss {
         }
         self.inertia.open(system, &state.p, &mut self.evaluator.work);
         self.stages.open(system, &self.inertia, state, h);
+        if self.evaluator.has_live() {
+            let v = &self.stages.velocity;
+            self.resolution().open(system, &mut self.evaluator, (&state.q, state.t), |k| v[k]);
+        }
         let iterations = self.solve(system)?;
         let Stages { coefficients, z, velocity, scratch, .. } = &mut self.stages;
         let (n, mass, z) = (state.q.len(), system.free_mass(), &*z);
@@ -108,13 +112,17 @@ impl Gauss {
         Ok((iterations, energy))
     }
 
+    fn resolution(&self) -> Resolution {
+        Resolution { scheme: Self::NAME, h: self.stages.h }
+    }
+
     /// Checks that the stages resolve live terms, and that nothing meets on the way through them to the end of the step.
     fn check_resolution(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
+        let resolution = self.resolution();
         let Self { evaluator, stages, after, .. } = self;
         if !evaluator.has_live() {
             return Ok(());
         }
-        let resolution = Resolution { scheme: Self::NAME, h: stages.h };
         let (mut q, mut t) = (before.q.clone(), before.t);
         for i in 0..stages.coefficients.stages() {
             let t_stage = stages.configure(i);
@@ -197,8 +205,10 @@ impl Gauss {
 
 impl Stepper for Gauss {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.evaluator.work;
-        let (iterations, energy) = self.advance(system, state, h).map_err(|error| {
+        let (before, searches) = (self.evaluator.work, self.evaluator.searches());
+        let advanced = self.advance(system, state, h);
+        self.evaluator.work.searches += self.evaluator.searches() - searches;
+        let (iterations, energy) = advanced.map_err(|error| {
             let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;

@@ -234,6 +234,10 @@ impl KickDrift {
         }
         let drifts = self.coefficients.drifts.len();
         let resolution = self.resolution(system, h);
+        if let Some(resolution) = resolution {
+            let mass = system.free_mass();
+            resolution.open(system, &mut self.evaluator, (&state.q, state.t), |k| state.p[k] / mass[k]);
+        }
         let mut before = Vec::new();
         let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
         for i in 0..=drifts {
@@ -293,8 +297,10 @@ impl KickDrift {
 
 impl Stepper for KickDrift {
     fn step(&mut self, system: &System, state: &mut State, h: f64) -> Result<StepReport, StepError> {
-        let before = self.evaluator.work;
-        let energy = self.advance(system, state, h).map_err(|cause| StepError { t: state.t, h, cause })?;
+        let (before, searches) = (self.evaluator.work, self.evaluator.searches());
+        let advanced = self.advance(system, state, h);
+        self.evaluator.work.searches += self.evaluator.searches() - searches;
+        let energy = advanced.map_err(|cause| StepError { t: state.t, h, cause })?;
         std::mem::swap(&mut state.q, &mut self.q);
         std::mem::swap(&mut state.p, &mut self.p);
         state.t += h;

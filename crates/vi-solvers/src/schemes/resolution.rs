@@ -40,6 +40,18 @@ pub(crate) struct Resolution {
 }
 
 impl Resolution {
+    /// Prepares for the step from (q, t), whose velocity of the free coordinates is v (m/s).
+    pub(crate) fn open(
+        self,
+        system: &System,
+        evaluator: &mut Evaluator,
+        (q, t): (&[f64], f64),
+        v: impl Fn(usize) -> f64,
+    ) {
+        let end: Vec<f64> = q.iter().enumerate().map(|(k, q)| q + self.h * v(k)).collect();
+        evaluator.follow_flight(system, (q, t), (&end, t + self.h));
+    }
+
     /// Checks the forces at the configuration (q, t).
     ///
     /// # Errors

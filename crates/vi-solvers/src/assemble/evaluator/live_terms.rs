@@ -146,6 +146,14 @@ impl Evaluator {
         if count > 0 { live.own_hessian(x, *t) } else { None }
     }
 
+    /// Requests stencils of live terms for the flight from one configuration to another and beyond, (q, t) each.
+    pub(crate) fn follow_flight(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
+        let [start, end] = [start, end].map(|place| positions(system, place));
+        if let Some(live) = self.assembler.live() {
+            live.follow_flight(&start, &end);
+        }
+    }
+
     /// Returns the nodes of a pair of live terms that obstructs the straight path between two configurations, (q, t) each.
     pub(crate) fn obstacle(
         &mut self,
@@ -153,13 +161,9 @@ impl Evaluator {
         start: (&[f64], f64),
         end: (&[f64], f64),
     ) -> Option<[u32; 4]> {
-        let place = |(q, t): (&[f64], f64)| {
-            let mut x = vec![0.0; system.coordinates().dof_count()];
-            system.coordinates().embed(q, t, &mut x);
-            x
-        };
+        let [start, end] = [start, end].map(|place| positions(system, place));
         let live = self.assembler.live()?;
-        let obstacle = live.obstacle(&place(start), &place(end));
+        let obstacle = live.obstacle(&start, &end);
         self.work.path_checks += live.candidate_count() as u64;
         obstacle
     }
@@ -286,4 +290,11 @@ impl Evaluator {
         self.ends.clone_from(ends);
         self.gradient_is_of_x = false;
     }
+}
+
+/// Returns the positions of all coordinates at (q, t), m.
+fn positions(system: &System, (q, t): (&[f64], f64)) -> Vec<f64> {
+    let mut x = vec![0.0; system.coordinates().dof_count()];
+    system.coordinates().embed(q, t, &mut x);
+    x
 }
