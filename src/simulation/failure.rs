@@ -113,6 +113,10 @@ impl Simulation {
             true => "load in smaller increments (`time.step`)".to_owned(),
             false => format!("shorten `time.step` ({:e} s)", self.h),
         });
+        let takes_any_step = self.method.facts().accepts.dissipative_terms;
+        if !takes_any_step && self.scene.statics.is_none() {
+            ways.push("use energy-momentum, which need not resolve contact".to_owned());
+        }
         let dissipates = self.scene.contact.as_ref().is_some_and(|contact| contact.damping > 0.0);
         if !dissipates && self.scene.statics.is_none() {
             ways.push("damp the blow (`contact.damping`, s)".to_owned());

@@ -26,8 +26,9 @@ const TAKE_RIGIDS: usize = 7;
 /// a sequence of their own, so that the other scenes keep their numbers.
 const OF_RIGIDS: [&str; 2] = ["backward-euler", "bdf2"];
 const OF_HIGH_ORDER: [&str; 3] = ["blanes-moan-4", "blanes-moan-6", "gauss"];
-/// Seed of that sequence, as a change of the seed of the scenes.
-const FURTHER: u64 = 0x5EED;
+/// Seed of that sequence, as a change of the seed of the scenes. With this one, the scenes of seed 1 that comments and documents cite keep
+/// their schemes.
+const FURTHER: u64 = 116;
 
 /// Material and size common to all bodies of a scene.
 struct Matter {
