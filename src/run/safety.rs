@@ -39,7 +39,10 @@ impl Run {
             Err(RunError::Guard { step, t, joules: now, relative, bound, after })
         };
         let Some(good) = self.good.take() else {
-            return end(self, ": shorten `time.step`, or use scheme = \"energy-momentum\"");
+            return match self.simulation.method().facts().conserves.energy {
+                true => end(self, ": shorten `time.step`"),
+                false => end(self, ": shorten `time.step`, or use scheme = \"energy-momentum\""),
+            };
         };
         let from = good.simulation.steps() as f64 * self.simulation.step_size();
         let (part, was_switched) = (self.simulation.part(), self.simulation.is_switched());
