@@ -1,4 +1,4 @@
-//! Tests equilibria with friction: Coulomb's limit, history dependence, accounts, and failures by name.
+//! Tests equilibria with friction and of rigid bodies: Coulomb's limit, history dependence, accounts, and failures by name.
 
 use crate::contact::assert_same_bits;
 use crate::program::Program;
@@ -149,4 +149,86 @@ fn damping_and_paths_are_refused_with_friction() {
         assert_eq!(program.code(), Some(2), "{}", program.errors());
         assert!(program.errors().contains(words), "{}", program.errors());
     }
+}
+
+/// Free rigid bodies in equilibrium: a ball that lies on a soft block, and a plate that friction holds on it, press with their
+/// weight; a rod on a hinge keeps its length and presses on a soft bar with half of it.
+#[test]
+fn rigid_bodies_find_their_equilibria() {
+    let on_block = |contact: &str, shape: &str, height: f64| {
+        format!(
+            r#"
+gravity = [0.0, 0.0, -9.81]
+[static]
+[time]
+end = 1.0
+step = 0.25
+[contact]
+{contact}
+[[body]]
+name = "block"
+box = {{ size = [0.2, 0.2, 0.1], cells = [4, 4, 2], element = "hex8" }}
+material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "block"
+region = "z-min"
+[[rigid]]
+name = "weight"
+shape = {shape}
+mass = 4.0
+position = [0.1, 0.1, {height}]
+[[probe]]
+name = "press"
+between = ["block", "weight"]
+sum = "contact_force"
+[output]
+history = 1
+"#
+        )
+    };
+    for (contact, shape, height) in [
+        ("", "{ kind = \"sphere\", radius = 0.05 }", 0.1502),
+        ("friction = 0.3", "{ kind = \"box\", size = [0.3, 0.3, 0.02] }", 0.11012),
+    ] {
+        let history = Program::run(&on_block(contact, shape, height)).history();
+        let fz = history.last("press.fz");
+        assert!((fz / (-4.0 * 9.81) - 1.0).abs() < 1e-6, "{fz}");
+        assert!(history.column("smallest_gap").into_iter().skip(1).all(|gap| gap > 0.0));
+    }
+    let lever = r#"
+gravity = [0.0, 0.0, -9.81]
+[static]
+[time]
+end = 1.0
+step = 0.25
+[[body]]
+name = "bar"
+box = { size = [0.02, 0.02, 0.5], cells = [1, 1, 10], element = "hex8", origin = [0.99, -0.01, -0.5] }
+material = { law = "linear", young = 1e6, poisson = 0.0, density = 1.0 }
+[[fix]]
+body = "bar"
+region = "z-min"
+[[rigid]]
+name = "rod"
+mass = 1.0
+shape = { kind = "rod", length = 1.0, radius = 0.01 }
+position = [0.5, 0.0, 0.0]
+[[joint]]
+kind = "ball"
+body = "rod"
+point = [0.0, 0.0, 0.0]
+[[attach]]
+body = "bar"
+nodes = [NODES]
+to = "rod"
+"#;
+    // The nodes of the end of the bar that the rod holds.
+    let nodes: Vec<String> = (0..4).map(|k| (40 + k).to_string()).collect();
+    let program = Program::run(&lever.replace("NODES", &nodes.join(", ")));
+    let history = program.history();
+    let (x, z) = (history.last("rod.x"), history.last("rod.z"));
+    assert!((x.hypot(z) - 0.5).abs() < 1e-10, "{x} {z}");
+    // The end of the rod sinks by F L/(E A) with half of its weight, 6.1 mm; bending of the bar adds to its stiffness.
+    let sag = -2.0 * z / (0.5 * 9.81 * 0.5 / (1e6 * 0.02 * 0.02));
+    assert!((0.95..1.0).contains(&sag), "{sag}");
 }

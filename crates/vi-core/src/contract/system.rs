@@ -233,6 +233,15 @@ impl System {
         Ok(self)
     }
 
+    /// Returns a copy with these potentials in place of its constraints.
+    ///
+    /// # Errors
+    /// Returns [`CoreError::Stencil`] if a stencil refers to a missing node.
+    pub fn with_potentials_for_constraints(&self, more: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
+        let potential = self.potential.clone().with_more(more)?;
+        Ok(Self { potential, forces: self.forces.clone(), ..self.without_terms() })
+    }
+
     /// Returns the constraints, in which no node is tied.
     pub fn constraints(&self) -> &[QuadraticConstraint] {
         &self.constraints

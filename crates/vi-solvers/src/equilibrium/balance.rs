@@ -282,6 +282,12 @@ impl<'a> Balance<'a> {
         r.iter().zip(&self.diagonal).all(|(r, k)| r.abs() <= noise * k.abs())
     }
 
+    /// Returns the positions of all coordinates at (q, t), m.
+    pub(crate) fn positions(&mut self, q: &[f64], t: f64) -> Vec<f64> {
+        self.go_to(q, t);
+        self.x.clone()
+    }
+
     /// Returns the extent of the bodies at the last configuration, m.
     pub(crate) fn extent(&self) -> f64 {
         self.system.coordinates().extent_and_reach(&self.x)[0]

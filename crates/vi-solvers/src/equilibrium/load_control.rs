@@ -6,6 +6,7 @@ use vi_core::{State, System};
 use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
+use crate::equilibrium::constrained::ConstraintForces;
 use crate::equilibrium::critical;
 use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::newton::{PREDICTION, Solved, Stop};
@@ -57,9 +58,13 @@ pub(super) fn search(
     rubbed: &mut Rubbed,
 ) -> Result<StaticReport, SolverError> {
     options.check()?;
-    refuse_constraints("a static solve", system)?;
+    if options.arc_steps.is_some() {
+        refuse_constraints("a path of equilibria", system)?;
+    }
     check_state(state, system)?;
-    let mut search = Search::new(system, options, watch);
+    let (constraints, held) = ConstraintForces::of(system)?.unzip();
+    let mut search = Search::new(held.as_ref().unwrap_or(system), options, watch);
+    search.constraints = constraints;
     search.balance.begin_friction(state, rubbed)?;
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
     if !found.q.is_empty() {
@@ -191,8 +196,18 @@ impl Search<'_> {
         t: f64,
         stop: &mut Stop,
     ) -> Result<Solved, SolverError> {
-        self.balance.check_move(state, q, t)?;
-        rubbing::solve(&mut self.balance, q, t, stop)
+        let Self { balance, constraints, .. } = self;
+        balance.check_move(state, q, t)?;
+        let Some(constraints) = constraints else { return rubbing::solve(balance, q, t, stop) };
+        constraints.stiffen(balance, q, t)?;
+        let mut solve = || {
+            let solved = rubbing::solve(balance, q, t, stop)?;
+            Ok((balance.positions(q, t), solved))
+        };
+        constraints.meet(&mut solve, |sum: Solved, next| Solved {
+            iterations: sum.iterations + next.iterations,
+            stayed_definite: sum.stayed_definite && next.stayed_definite,
+        })
     }
 
     /// Returns the increment at which a step across an indefinite tangent is accepted.

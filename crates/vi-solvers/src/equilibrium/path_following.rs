@@ -61,7 +61,7 @@ pub fn path_following(
     ledger: bool,
 ) -> Result<Box<dyn Stepper>, SolverError> {
     options.check()?;
-    refuse_constraints("a static solve", system)?;
+    refuse_constraints("a path of equilibria", system)?;
     // Near limit points the tangent is indefinite, which conjugate gradients do not solve.
     let options = StaticOptions { linear: LinearSolver::Cholesky, ..options };
     Ok(Box::new(PathFollowing {

@@ -3,6 +3,7 @@
 use vi_core::{State, System};
 
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::constrained::ConstraintForces;
 use crate::equilibrium::newton::Stop;
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::release;
@@ -12,6 +13,8 @@ use crate::options::LinearSolver;
 /// A search for equilibria in progress.
 pub(crate) struct Search<'a> {
     pub(crate) balance: Balance<'a>,
+    /// The constraints, if there are any; the balance then has potentials in place of them.
+    pub(super) constraints: Option<ConstraintForces>,
     pub(super) options: &'a StaticOptions,
     pub(super) stop: Stop,
     pub(crate) report: StaticReport,
@@ -28,6 +31,7 @@ impl<'a> Search<'a> {
         let linear = if options.arc_steps.is_some() { LinearSolver::Cholesky } else { options.linear };
         Self {
             balance: Balance::new(system, linear, &options.interrupt),
+            constraints: None,
             options,
             stop,
             report: StaticReport::default(),

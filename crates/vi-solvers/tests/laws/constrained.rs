@@ -2,6 +2,7 @@
 //! and the exact flip, momenta, energy, the constraint manifold, the ledger.
 
 use crate::springs::{Springs, block, fixed};
+use nalgebra::{DMatrix, DVector};
 use vi_core::constraints::{Place, QuadraticConstraint, Rattle};
 use vi_core::problems::{flip_period, principal_inertia};
 use vi_core::rotations::{RigidBody, RigidState, Weightless, identity, rotate};
@@ -9,7 +10,7 @@ use vi_core::{
     Combination, Coordinates, EnergyLedger, Prescribed, Scheme, State, System, TiedMass, angular_momentum,
     kinetic_energy, linear_momentum, reference,
 };
-use vi_solvers::{Method, SolverError, SolverOptions, Stepper, stepper};
+use vi_solvers::{Method, SolverError, SolverOptions, StaticOptions, Stepper, stepper};
 
 /// Returns the schemes that accept constraints.
 fn methods() -> impl Iterator<Item = Method> {
@@ -342,6 +343,39 @@ fn redundant_joints_are_solved_all_the_same() {
         // Implicit Euler loses 2 (hω)² of the energy of a rotation per step; here (hω)² = 2e-4.
         let limit = if method.facts().conserves.angular_momentum { 1e-3 } else { 4e-2 };
         assert!((before - after).abs() < limit * before, "{}: {before} {after}", method.name());
+    }
+}
+
+/// In equilibrium, forces are combinations of the gradients of the constraints, and the constraints are met.
+#[test]
+fn equilibria_balance_forces_and_constraints() {
+    let (hung, swinging) = (hanging(false), linkage());
+    for (system, start) in [hung, swinging] {
+        let mut state = start;
+        vi_solvers::equilibrium(&system, &mut state, &StaticOptions::default()).unwrap();
+        assert!(defect(&system, &state) < 1e-12, "{:e}", defect(&system, &state));
+        assert!(state.p.iter().all(|&p| p == 0.0));
+        let (x, coordinates) = (system.positions(&state), system.coordinates());
+        let free = |mut covector: Vec<f64>| {
+            coordinates.pull_back(&mut covector);
+            let mut out = vec![0.0; coordinates.free_count()];
+            coordinates.restrict(&covector, &mut out);
+            DVector::from_vec(out)
+        };
+        let forces = free(reference::gradient(&system, &x, state.t));
+        let columns: Vec<DVector<f64>> = system
+            .constraints()
+            .iter()
+            .map(|constraint| {
+                let mut gradient = vec![0.0; x.len()];
+                constraint.add_gradient(&x, 1.0, &mut gradient);
+                free(gradient)
+            })
+            .collect();
+        let g = DMatrix::from_columns(&columns);
+        let multipliers = g.clone().svd(true, true).solve(&forces, 1e-12).unwrap();
+        let unbalanced = (&forces - g * multipliers).norm();
+        assert!(unbalanced < 1e-7 * forces.norm().max(1e-3), "{unbalanced:e} of {:e}", forces.norm());
     }
 }
 
