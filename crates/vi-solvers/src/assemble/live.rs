@@ -215,12 +215,6 @@ impl LiveSum {
         self.has_pairs_near()
     }
 
-    /// Returns the number of stencils near positions x.
-    pub(crate) fn candidates_at(&mut self, x: &[f64]) -> usize {
-        self.follow(x, None);
-        self.candidate_count()
-    }
-
     /// Returns the number of stencils near the last configuration.
     pub(crate) fn candidate_count(&self) -> usize {
         let terms = self.near.iter().flat_map(|near| near.whole.terms().fixed());

@@ -9,13 +9,14 @@
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nalgebra::DMatrix;
 use vi_core::constraints::QuadraticConstraint;
 use vi_core::{Account, HessianKind, Potential, Stencils, System, Traits};
 
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::newton::Solved;
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
+use crate::schemes::constraint::cluster::curvature;
 use crate::vectors;
 
 /// Stiffness of a constraint relative to the inertia that it moves times the largest ω² of the body.
@@ -133,20 +134,11 @@ impl Potential for Held {
         let (Hold { force, stiffness }, y) = (self.hold(), self.place(x));
         let factor = force + stiffness * self.constraint.value(&y);
         let along = self.gradient(&y, 1.0);
-        // Gradients of quadratic constraints are affine, so unit differences are exact.
-        let mut unit = vec![0.0; y.len()];
-        let origin = self.gradient(&unit, factor);
-        let mut hessian = DMatrix::zeros(y.len(), y.len());
-        for j in 0..y.len() {
-            unit[j] = 1.0;
-            let column = self.gradient(&unit, factor);
-            unit[j] = 0.0;
-            for i in 0..y.len() {
-                hessian[(i, j)] = column[i] - origin[i] + stiffness * along[i] * along[j];
-            }
-        }
+        let curvature = curvature(std::iter::once((&self.constraint, factor)), y.len());
         let lower = (0..y.len()).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        out.iter_mut().zip(lower).for_each(|(out, place)| *out = hessian[place]);
+        out.iter_mut().zip(lower).for_each(|(out, (i, j))| {
+            *out = curvature[(i, j)] + stiffness * along[i] * along[j];
+        });
     }
 }
 
@@ -202,18 +194,17 @@ impl ConstraintForces {
         Ok(())
     }
 
-    /// Finds an equilibrium that meets the constraints. `solve` finds one with the present forces of the constraints; it returns the
-    /// positions of all coordinates there, and counts that `add` sums up. The forces remain as they were if this fails.
+    /// Finds an equilibrium that meets the constraints. `solve` finds one with the present forces of the constraints, and returns the
+    /// positions of all coordinates there. The forces remain as they were if this fails.
     ///
     /// # Errors
     /// Returns the errors of `solve`, or [`SolverError::ConstraintDefect`] if defects do not vanish.
-    pub(super) fn meet<S>(
+    pub(super) fn meet(
         &self,
-        solve: &mut dyn FnMut() -> Result<(Vec<f64>, S), SolverError>,
-        add: impl Fn(S, S) -> S,
-    ) -> Result<S, SolverError> {
+        solve: impl FnMut() -> Result<(Vec<f64>, Solved), SolverError>,
+    ) -> Result<Solved, SolverError> {
         let kept: Vec<Hold> = self.held.iter().map(|held| held.hold()).collect();
-        let result = self.rounds(solve, add);
+        let result = self.rounds(solve);
         if result.is_err() {
             self.held.iter().zip(kept).for_each(|(held, hold)| held.set(hold));
         }
@@ -232,11 +223,10 @@ impl ConstraintForces {
         sizes
     }
 
-    fn rounds<S>(
+    fn rounds(
         &self,
-        solve: &mut dyn FnMut() -> Result<(Vec<f64>, S), SolverError>,
-        add: impl Fn(S, S) -> S,
-    ) -> Result<S, SolverError> {
+        mut solve: impl FnMut() -> Result<(Vec<f64>, Solved), SolverError>,
+    ) -> Result<Solved, SolverError> {
         let (mut x, mut sum) = solve()?;
         let mut before = f64::INFINITY;
         for _ in 0..MOST_ROUNDS {
@@ -254,7 +244,8 @@ impl ConstraintForces {
             before = defect;
             let (next, done) = solve()?;
             x = next;
-            sum = add(sum, done);
+            sum.iterations += done.iterations;
+            sum.stayed_definite &= done.stayed_definite;
         }
         let sizes = self.sizes(&x);
         let worst = self.held.iter().max_by(|a, b| a.defect(&x, sizes).total_cmp(&b.defect(&x, sizes)));

@@ -200,13 +200,9 @@ impl Search<'_> {
         balance.check_move(state, q, t)?;
         let Some(constraints) = constraints else { return rubbing::solve(balance, q, t, stop) };
         constraints.stiffen(balance, q, t)?;
-        let mut solve = || {
+        constraints.meet(|| {
             let solved = rubbing::solve(balance, q, t, stop)?;
             Ok((balance.positions(q, t), solved))
-        };
-        constraints.meet(&mut solve, |sum: Solved, next| Solved {
-            iterations: sum.iterations + next.iterations,
-            stayed_definite: sum.stayed_definite && next.stayed_definite,
         })
     }
 

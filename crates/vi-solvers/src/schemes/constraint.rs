@@ -1,7 +1,7 @@
 //! Constraints in a time step: projections onto their manifold, the multipliers of an implicit step, and steps in the
 //! tangent spaces of the bodies.
 
-mod cluster;
+pub(crate) mod cluster;
 pub(crate) mod manifold;
 pub(crate) mod middle;
 pub(crate) mod multipliers;

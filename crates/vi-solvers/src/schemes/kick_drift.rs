@@ -272,7 +272,9 @@ impl KickDrift {
             }
             elapsed += drift;
             t = if i + 1 >= drifts { state.t + h } else { state.t + elapsed * h };
-            if let Some(resolution) = resolution {
+            if drift != 0.0
+                && let Some(resolution) = resolution
+            {
                 resolution.check_path(system, &mut self.evaluator, (&before, started), (&self.q, t))?;
             }
             // A drift with collisions satisfies the constraints by itself.

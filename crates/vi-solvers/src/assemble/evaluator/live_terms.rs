@@ -140,10 +140,9 @@ impl Evaluator {
     /// Returns the Hessian of live terms alone at the last configuration; `None` if nothing is near.
     pub(crate) fn live_hessian(&mut self) -> Option<&SymmetricMatrix> {
         let Self { assembler, x, t, work, .. } = self;
-        let live = assembler.live()?;
-        let count = live.candidates_at(x);
+        let (hessian, count) = assembler.live()?.own_hessian(x, *t)?;
         work.pair_forces += count as u64;
-        if count > 0 { live.own_hessian(x, *t) } else { None }
+        Some(hessian)
     }
 
     /// Requests stencils of live terms for the flight from one configuration to another and beyond, (q, t) each.

@@ -48,10 +48,12 @@ impl LiveSum {
         }
     }
 
-    /// Returns the Hessian of the live terms alone; `None` if a term cannot be used.
-    pub(crate) fn own_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
+    /// Returns the Hessian of the live terms alone, and the number of their stencils; `None` if there are none.
+    pub(crate) fn own_hessian(&mut self, x: &[f64], t: f64) -> Option<(&SymmetricMatrix, usize)> {
         self.follow(x, None);
-        Some(self.near.as_mut()?.whole.hessian(x, t, HessianEvaluation::Exact))
+        let count = self.candidate_count();
+        let near = self.near.as_mut().filter(|_| count > 0)?;
+        Some((near.whole.hessian(x, t, HessianEvaluation::Exact), count))
     }
 
     /// Returns the Hessian of the terms that act by their gradient, if terms with a discrete gradient are kept apart.

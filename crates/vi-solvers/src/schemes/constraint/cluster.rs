@@ -180,23 +180,7 @@ impl Cluster {
 
     /// Returns Σ λ_i ∂²g_i/∂x², coordinates × coordinates.
     pub(super) fn curvature(&self, lambda: &[f64]) -> DMatrix<f64> {
-        let count = self.dofs.len();
-        let gradient = |y: &[f64]| {
-            let mut sum = DVector::zeros(count);
-            let members = self.constraints.iter().zip(lambda);
-            members.for_each(|(constraint, &lambda)| constraint.add_gradient(y, lambda, sum.as_mut_slice()));
-            sum
-        };
-        // Gradients of quadratic constraints are affine, so unit differences are exact.
-        let mut y = vec![0.0; count];
-        let origin = gradient(&y);
-        let mut curvature = DMatrix::zeros(count, count);
-        for (j, mut column) in curvature.column_iter_mut().enumerate() {
-            y[j] = 1.0;
-            column.copy_from(&(gradient(&y) - &origin));
-            y[j] = 0.0;
-        }
-        curvature
+        curvature(self.constraints.iter().zip(lambda.iter().copied()), self.dofs.len())
     }
 
     pub(super) fn failure(&self, constraint: usize, iterations: u32, defect: f64) -> SolverError {
@@ -244,6 +228,29 @@ impl Cluster {
         }
         change
     }
+}
+
+/// Returns Σ λ_i ∂²g_i/∂x² of constraints on `count` coordinates, numbered from 0.
+pub(crate) fn curvature<'a>(
+    members: impl Iterator<Item = (&'a QuadraticConstraint, f64)> + Clone,
+    count: usize,
+) -> DMatrix<f64> {
+    let gradient = |y: &[f64]| {
+        let mut sum = DVector::zeros(count);
+        let members = members.clone();
+        members.for_each(|(constraint, lambda)| constraint.add_gradient(y, lambda, sum.as_mut_slice()));
+        sum
+    };
+    // Gradients of quadratic constraints are affine, so unit differences are exact.
+    let mut y = vec![0.0; count];
+    let origin = gradient(&y);
+    let mut curvature = DMatrix::zeros(count, count);
+    for (j, mut column) in curvature.column_iter_mut().enumerate() {
+        y[j] = 1.0;
+        column.copy_from(&(gradient(&y) - &origin));
+        y[j] = 0.0;
+    }
+    curvature
 }
 
 /// Returns the constraints by cluster, both in the order of the system.
