@@ -16,6 +16,7 @@ pub use anchors::{Anchor, Anchors};
 
 use std::collections::BTreeMap;
 
+pub(crate) use bristle::Cone;
 use bristle::{Bristle, Linearised, Prediction, linearise, stretch};
 pub(crate) use rolling::RollingPair;
 use slip::Slip;
@@ -75,6 +76,8 @@ pub struct FrictionPair {
     pub along: [[Vec3; 4]; 2],
     /// Components of the direction of T along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub sliding: Option<[f64; 2]>,
+    /// The traction as a function of slip.
+    pub(crate) cone: Cone,
     /// The traction and the state of friction of the pair, as Newton's method reads them.
     pub(crate) rubbing: Rubbing,
     /// Coefficient of friction μ.
@@ -134,6 +137,8 @@ pub(crate) struct BristleStep {
     pub(crate) components: [f64; 2],
     /// Half the stiffness of the bristle, less if it slides, N/m.
     pub(crate) stiffness: f64,
+    /// The law of the traction as a function of slip, at the pressure of this evaluation.
+    pub(crate) cone: Cone,
     /// Components of the direction of T along both tangents if the pair slides; `None` if it sticks.
     pub(crate) sliding: Option<[f64; 2]>,
     /// Whether T obeys the law of friction; an iterate may be far from it.
@@ -167,6 +172,11 @@ impl BristleStep {
             traction: vector(traction),
             components: traction,
             stiffness: response * k * held,
+            cone: Cone {
+                trial: [0, 1].map(|a: usize| k * (start[a] + response * along[a])),
+                stiffness: response * k,
+                limit,
+            },
             sliding: (held < 1.0).then(|| match size(traction) {
                 0.0 => [0.0; 2],
                 size => traction.map(|part| part / size),
@@ -185,12 +195,12 @@ impl BristleStep {
             resistance: bristles.resistance(acting),
             penalty: acting.penalty,
         };
-        let Linearised { traction, stiffness, sliding } =
+        let Linearised { traction, stiffness, sliding, cone } =
             linearise(start, along, k, response, limit, prediction);
         let error = size([traction[0] - law.components[0], traction[1] - law.components[1]]);
         let is_same = error <= LAWFUL * limit && sliding.is_some() == law.sliding.is_some();
         let is_lawful = is_same || error <= response * k * bristles.resolution;
-        Self { traction: vector(traction), components: traction, stiffness, sliding, is_lawful, ..law }
+        Self { traction: vector(traction), components: traction, stiffness, sliding, is_lawful, cone, ..law }
     }
 
     /// Returns what Newton's method knows of the friction of a pair.
@@ -323,6 +333,7 @@ impl Contact<'_> {
             tangents: slip.tangents,
             along: slip.tangents.map(|tangent| slip.gradient(tangent)),
             sliding: held.sliding,
+            cone: held.cone,
             rubbing: held.rubbing(partners),
             coefficient: law.friction,
             dissipated: held.dissipated,

@@ -7,6 +7,7 @@
 mod acting;
 mod book;
 mod damping;
+mod lagged;
 mod listed;
 mod rolling;
 mod sliding;
@@ -19,8 +20,8 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use vi_core::{
-    Account, DiscreteGradient, Fault, HessianKind, Live, Meeting, Potential, Stencils, Traits, Tube,
-    packed_len,
+    Account, Acting, DiscreteGradient, Fault, HessianKind, Live, Meeting, Potential, Stencils, StepSpan,
+    Traits, Tube, packed_len,
 };
 
 use crate::broad_phase::{Neighbours, Search};
@@ -353,6 +354,17 @@ impl Potential for ContactPotential {
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
         Some(self)
+    }
+
+    fn lagged_friction(
+        &self,
+        span: StepSpan,
+        memory: &[f64],
+        places: [&[f64]; 2],
+        acting: &Acting,
+    ) -> Option<Arc<dyn Potential>> {
+        let step = Step::new(span, memory, &self.surface).filter(|step| step.settings.acts_at_end)?;
+        self.lagged_at(&step, places, acting)
     }
 
     fn limits_steps(&self) -> bool {

@@ -38,6 +38,17 @@ pub(super) fn stretch(start: [f64; 2], slip: [f64; 2], k: f64, response: f64, li
     Bristle { end, traction, held }
 }
 
+/// The traction of a bristle as a function of its slip, with a fixed limit.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Cone {
+    /// Components of the traction along both tangents if the bristle sticks, N.
+    pub(crate) trial: [f64; 2],
+    /// Change of `trial` with the slip, N/m.
+    pub(crate) stiffness: f64,
+    /// Largest size μλ of the traction, N.
+    pub(crate) limit: f64,
+}
+
 /// The data that, together with the slip, give the traction of a pair at an iterate of Newton's method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Prediction {
@@ -58,6 +69,8 @@ pub(super) struct Linearised {
     pub(super) stiffness: f64,
     /// Direction d of the traction if the pair slides, in which T also changes with the limit; `None` if it sticks.
     pub(super) sliding: Option<[f64; 2]>,
+    /// The traction as a function of slip, T̂ + K' (u − s) shortened to the limit.
+    pub(super) cone: Cone,
 }
 
 /// The largest part of the stiffness of a bristle by which its slip decides whether it sticks. If inertia resists more than the
@@ -98,15 +111,16 @@ pub(super) fn linearise(
     let trial = |by: f64| [0, 1].map(|a: usize| (1.0 - by / full) * predicted[a] + by * total[a]);
     let y = trial(r);
     let size = y[0].hypot(y[1]);
+    let cone = Cone { trial: trial(stick), stiffness: stick, limit };
     if size <= limit {
-        return Linearised { traction: trial(stick), stiffness: stick, sliding: None };
+        return Linearised { traction: cone.trial, stiffness: stick, sliding: None, cone };
     }
     let d = y.map(|y| y / size);
     let beta = limit / size;
     let stiffness = beta * r / (1.0 - beta * (1.0 - r / stick));
     let across = d[0] * total[1] - d[1] * total[0];
     let traction = [limit * d[0] - stiffness * across * d[1], limit * d[1] + stiffness * across * d[0]];
-    Linearised { traction, stiffness, sliding: Some(d) }
+    Linearised { traction, stiffness, sliding: Some(d), cone }
 }
 
 #[cfg(test)]

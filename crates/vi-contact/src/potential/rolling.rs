@@ -12,10 +12,11 @@ use vi_core::{
 use super::acting::{Sliding, pressing};
 use super::book::Book;
 use super::damping::TangentialDampers;
+use super::lagged::LaggedFriction;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
-use crate::friction::{Anchors, Pressed, RollingPair, Step};
-use crate::pairs::{Group, Partners, StepPair, StepSettings, pack_rank_one};
+use crate::friction::{Pressed, RollingPair, Step};
+use crate::pairs::{Group, Partners, StepPair, pack_rank_one};
 
 /// Number of nodes of a stencil, and size of its gradient.
 const ARITY: usize = 8;
@@ -219,6 +220,27 @@ impl Potential for RollingPotential {
         Some(self)
     }
 
+    fn lagged_friction(
+        &self,
+        span: StepSpan,
+        memory: &[f64],
+        [start, end]: [&[f64]; 2],
+        acting: &Acting,
+    ) -> Option<Arc<dyn Potential>> {
+        let Step { settings, anchors } = Step::new(span, memory, self.contact.surface())?;
+        let contact = self.contact.contact();
+        let pairs = if settings.acts_at_end { contact.step(end, end, &settings) } else { Vec::new() };
+        let mut lagged = LaggedFriction::<ARITY>::new();
+        for pairs in pairs.chunk_by(|a, b| a.partners == b.partners) {
+            let pressed = Pressed { force: pressing(pairs), iterate: Some(acting) };
+            let rolling = contact.roll(pairs[0].partners, pressed, [start, end], &anchors, &settings);
+            let Some(pair) = rolling else { continue };
+            let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
+            lagged.push(contact.rolling_nodes(pair.partners, pair.cell), along, pair.held.cone, end);
+        }
+        lagged.into_potential()
+    }
+
     fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {
         Some(Arc::new(Self::of(self.contact.narrowed_to(tube))))
     }
@@ -261,8 +283,7 @@ impl DiscreteGradient for RollingPotential {
     }
 
     fn over_step(&self, span: StepSpan, memory: &[f64]) -> Option<Arc<dyn DiscreteGradient>> {
-        let anchors = Anchors::from_numbers(memory, self.contact.surface())?;
-        let step = Some(Step { settings: StepSettings::of(span), anchors });
+        let step = Some(Step::new(span, memory, self.contact.surface())?);
         Some(Arc::new(Self { step, ..self.clone() }))
     }
 

@@ -11,6 +11,7 @@ use super::{ContactPotential, PACKED, SIZE, add_packed};
 use crate::distance::{Vec3, at};
 use crate::friction::{Anchors, FrictionPair, Step};
 use crate::pairs::{Group, Partners, StepPair, StepSettings};
+use crate::surface::Surface;
 
 /// Settings without damping, which is a separate force.
 const UNDAMPED: StepSettings = StepSettings::over(f64::INFINITY);
@@ -56,6 +57,13 @@ impl Force<'_> {
             Self::Normal(pair) => pair.partners,
             Self::Friction(pair) => pair.partners,
         }
+    }
+}
+
+impl Step {
+    /// Returns a step that begins with the bristles in `memory`; `None` if they do not belong to the surface.
+    pub(crate) fn new(span: StepSpan, memory: &[f64], surface: &Surface) -> Option<Self> {
+        Some(Self { settings: StepSettings::of(span), anchors: Anchors::from_numbers(memory, surface)? })
     }
 }
 
@@ -162,8 +170,7 @@ impl DiscreteGradient for ContactPotential {
         if span.duration.is_infinite() && !self.surface.has_friction() {
             return None;
         }
-        let anchors = Anchors::from_numbers(memory, &self.surface)?;
-        let step = Some(Step { settings: StepSettings::of(span), anchors });
+        let step = Some(Step::new(span, memory, &self.surface)?);
         Some(Arc::new(Self { step, ..self.clone() }))
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::support::{Numbers, sheets_half_a_layer_apart};
 use vi_contact::{ContactPotential, Surface};
-use vi_core::{Acting, DiscreteGradient, Potential, StepSpan, Tube};
+use vi_core::{Acting, DiscreteGradient, Potential, Stencils, StepSpan, Tube};
 
 /// A step over which all damping acts.
 const OVER: StepSpan = StepSpan { duration: 1e-3, acts_at_end: false, damps_end: false };
@@ -34,6 +34,51 @@ fn sum(acting: &Acting, count: usize) -> Vec<f64> {
     sum
 }
 
+/// Returns the gradient of a potential.
+fn summed(term: &dyn Potential, x: &[f64]) -> Vec<f64> {
+    let stencils = term.stencils();
+    let mut blocks = vec![0.0; stencils.count() * stencils.size()];
+    term.gradients(0..stencils.count(), x, 0.0, &mut blocks);
+    add_blocks(stencils, &blocks, x.len())
+}
+
+/// Returns the sum of the blocks of stencils.
+fn add_blocks(stencils: Stencils<'_>, blocks: &[f64], count: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; count];
+    for (stencil, block) in blocks.chunks_exact(stencils.size()).enumerate() {
+        for (&node, three) in stencils.of(stencil).iter().zip(block.chunks_exact(3)) {
+            (0..3).for_each(|axis| sum[3 * node as usize + axis] += three[axis]);
+        }
+    }
+    sum
+}
+
+/// Returns vᵀHv for the packed blocks H of stencils.
+fn along(stencils: Stencils<'_>, blocks: &[f64], direction: &[f64]) -> f64 {
+    let packed = vi_core::packed_len(stencils.size());
+    let of_block = |(stencil, block): (usize, &[f64])| {
+        let of_node = |&node: &u32| (0..3).map(move |k| direction[3 * node as usize + k]);
+        let v: Vec<f64> = stencils.of(stencil).iter().flat_map(of_node).collect();
+        let mut sum = 0.0;
+        for row in 0..v.len() {
+            for column in 0..=row {
+                let twice = if row == column { 1.0 } else { 2.0 };
+                sum += twice * v[row] * v[column] * block[vi_core::packed_len(row) + column];
+            }
+        }
+        sum
+    };
+    blocks.chunks_exact(packed).enumerate().map(of_block).sum()
+}
+
+/// Returns vᵀHv for the Hessian H of a potential.
+fn curvature_along(term: &dyn Potential, x: &[f64], direction: &[f64]) -> f64 {
+    let stencils = term.stencils();
+    let mut blocks = vec![0.0; stencils.count() * vi_core::packed_len(stencils.size())];
+    term.hessians(0..stencils.count(), x, 0.0, &mut blocks);
+    along(stencils, &blocks, direction)
+}
+
 #[test]
 fn pairs_sum_to_the_forces_of_a_step_with_friction_and_in_a_narrowed_list() {
     [OVER, AT_END].into_iter().for_each(sum_to_the_forces_of);
@@ -48,12 +93,7 @@ fn sum_to_the_forces_of(span: StepSpan) {
     let stencils = wide.stencils();
     let mut blocks = vec![0.0; stencils.count() * stencils.size()];
     over.gradients(0..stencils.count(), &start, &end, &mut blocks);
-    let mut expected = vec![0.0; start.len()];
-    for (stencil, block) in blocks.chunks_exact(stencils.size()).enumerate() {
-        for (&node, three) in stencils.of(stencil).iter().zip(block.chunks_exact(3)) {
-            (0..3).for_each(|axis| expected[3 * node as usize + axis] += three[axis]);
-        }
-    }
+    let expected = add_blocks(stencils, &blocks, start.len());
     let narrow = narrow.discrete_gradient().and_then(|term| term.over_step(span, &[]));
     for term in [over, narrow.expect("friction acts over a step")] {
         let mut acting = Acting::default();
@@ -84,25 +124,8 @@ fn forces_at_the_end_are_the_gradient_there() {
         assert!((found - expected).abs() <= 1e-12 * largest, "{found} {expected}");
     }
     let approach = |k: usize| if k % 3 == 2 && start[k] > 0.01 { -1.0 } else { 0.0 };
-    let along = |blocks: &[f64]| -> f64 {
-        let packed = vi_core::packed_len(stencils.size());
-        let of_block = |(stencil, block): (usize, &[f64])| {
-            let v: Vec<f64> = stencils
-                .of(stencil)
-                .iter()
-                .flat_map(|&node| (0..3).map(move |k| approach(3 * node as usize + k)))
-                .collect();
-            let mut sum = 0.0;
-            for row in 0..v.len() {
-                for column in 0..=row {
-                    let twice = if row == column { 1.0 } else { 2.0 };
-                    sum += twice * v[row] * v[column] * block[vi_core::packed_len(row) + column];
-                }
-            }
-            sum
-        };
-        blocks.chunks_exact(packed).enumerate().map(of_block).sum()
-    };
+    let direction: Vec<f64> = (0..start.len()).map(approach).collect();
+    let along = |blocks: &[f64]| along(stencils, blocks, &direction);
     let count = stencils.count() * vi_core::packed_len(stencils.size());
     let (mut whole, mut part) = (vec![0.0; count], vec![0.0; count]);
     contact.hessians(0..stencils.count(), &start, 0.0, &mut whole);
@@ -189,5 +212,50 @@ fn tangents_are_those_of_the_forces_while_friction_slides() {
         let error =
             norm(&mut product.iter().zip(before.iter().zip(&after)).map(|(p, (a, b))| p - (b - a) / 2e-7));
         assert!(error < tolerance * size, "{span:?}, μ = {friction}, {turns}: {error:e} of {size:e}");
+    }
+}
+
+/// Lagged friction is the friction of the step at the configuration whose normal forces it has, whether pairs slide or stick; its gradient is
+/// the derivative of its energy, and its Hessian that of its gradient.
+#[test]
+fn lagged_friction_is_a_potential_of_the_friction_of_a_step() {
+    for friction in [0.4, 400.0] {
+        let (surface, [start, end]) = sheets(friction);
+        let contact = ContactPotential::near(surface, &start, 0.1);
+        let term = contact.over_step(AT_END, &[]).expect("friction acts over a step");
+        let mut acting = Acting::default();
+        term.acting(&start, &end, &mut acting);
+        let both = sum(&acting, start.len());
+        let lagged =
+            contact.lagged_friction(AT_END, &[], [&start, &end], &acting).expect("friction is lagged");
+        let gradient = |x: &[f64]| summed(lagged.as_ref(), x);
+        let normal = summed(&contact, &end);
+        let expected: Vec<f64> = both.iter().zip(&normal).map(|(both, normal)| both - normal).collect();
+        let largest = expected.iter().fold(0.0_f64, |largest, value| largest.max(value.abs()));
+        assert!(largest > 0.0);
+        for (found, expected) in gradient(&end).iter().zip(&expected) {
+            assert!((found - expected).abs() <= 1e-9 * largest, "{friction}: {found:e} {expected:e}");
+        }
+        let mut numbers = Numbers::new(5);
+        let direction: Vec<f64> = start.iter().map(|_| numbers.unit() - 0.5).collect();
+        let at = |length: f64| -> Vec<f64> {
+            end.iter().zip(&direction).map(|(x, direction)| x + length * direction).collect()
+        };
+        let energy = |x: &[f64]| {
+            let mut energies = vec![0.0; lagged.stencil_count()];
+            lagged.energies(0..lagged.stencil_count(), x, 0.0, &mut energies);
+            energies.iter().sum::<f64>()
+        };
+        let dot = |a: &[f64]| a.iter().zip(&direction).map(|(a, b)| a * b).sum::<f64>();
+        let length = 1e-6;
+        let slope = (energy(&at(length)) - energy(&at(-length))) / (2.0 * length);
+        let along = dot(&gradient(&end));
+        assert!((slope / along - 1.0).abs() < 1e-5, "{friction}: {slope:e} {along:e}");
+        let curvature = (dot(&gradient(&at(length))) - dot(&gradient(&at(-length)))) / (2.0 * length);
+        let second = curvature_along(lagged.as_ref(), &end, &direction);
+        assert!(
+            second > 0.0 && (curvature / second - 1.0).abs() < 1e-4,
+            "{friction}: {curvature:e} {second:e}"
+        );
     }
 }

@@ -9,7 +9,8 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use crate::contract::discrete_gradient::DiscreteGradient;
+use crate::contract::acting::Acting;
+use crate::contract::discrete_gradient::{DiscreteGradient, StepSpan};
 use crate::contract::meeting::Meeting;
 use crate::contract::patch::{Patch, run_length};
 use crate::contract::tube::Tube;
@@ -207,6 +208,21 @@ pub trait Potential: Send + Sync {
     /// Returns a discrete gradient of this term, if it has one. Implicit midpoint, energy–momentum and the explicit
     /// schemes use it in place of the gradient for live terms.
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
+        None
+    }
+
+    /// Returns the friction over a step between two places as a potential of the second one, for terms whose discrete gradient [has
+    /// friction](DiscreteGradient::over_step) with this span and memory. Normal forces and directions of slip keep the values that they
+    /// have between these `places`, and tractions follow slips from those that `acting` predicts, with the stiffness that its
+    /// [penalty](Acting::penalty) allows. Returns `None` if there is no friction, or if the forces of the step do not
+    /// [act at its end](StepSpan::acts_at_end).
+    fn lagged_friction(
+        &self,
+        _span: StepSpan,
+        _memory: &[f64],
+        _places: [&[f64]; 2],
+        _acting: &Acting,
+    ) -> Option<Arc<dyn Potential>> {
         None
     }
 

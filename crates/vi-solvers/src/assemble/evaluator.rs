@@ -1,6 +1,7 @@
 //! Evaluates V and its derivatives at a configuration q and time t, and checks that they are finite. Steppers access
 //! the terms of a system through it.
 
+mod held_forces;
 mod live_terms;
 mod memory;
 mod passes;
@@ -18,6 +19,8 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::vectors;
 use crate::work::Work;
+
+use held_forces::HeldForces;
 
 /// The sums of a system's terms, with the buffers to evaluate them.
 pub(crate) struct Evaluator {
@@ -74,6 +77,8 @@ struct Nonconservative {
     /// ∂ẋ/∂q within the stage, 1/s.
     rate: f64,
     tangent: Option<MatrixSum>,
+    /// The forces that act instead, if they are held.
+    held: Option<HeldForces>,
 }
 
 impl Evaluator {
@@ -129,7 +134,8 @@ impl Evaluator {
     /// Hessians contain their tangents. [`Evaluator::set_velocities`] sets their velocities.
     pub(crate) fn with_nonconservative(system: &System) -> Self {
         let count = system.coordinates().dof_count();
-        let whole = |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None };
+        let whole =
+            |sum| Nonconservative { sum, x_dot: vec![0.0; count], rate: 0.0, tangent: None, held: None };
         Self { nonconservative: ForceSum::new(system).map(whole), ..Self::new(system) }
     }
 
@@ -147,12 +153,34 @@ impl Evaluator {
         }
     }
 
+    /// Makes further evaluations use the forces without a potential as they are linearised at the last configuration and velocities.
+    pub(crate) fn hold_forces(&mut self, system: &System) {
+        if let Some(Nonconservative { sum, x_dot, rate, held, .. }) = &mut self.nonconservative {
+            *held = Some(HeldForces::new(system, sum, &self.x, x_dot, self.t, *rate));
+            self.gradient_is_of_x = false;
+        }
+    }
+
+    /// Ends what [`Evaluator::hold_forces`] began.
+    pub(crate) fn release_forces(&mut self) {
+        if let Some(forces) = &mut self.nonconservative {
+            forces.held = None;
+            self.gradient_is_of_x = false;
+        }
+    }
+
     /// Returns the work of the forces without a potential at the last evaluation along `dx` (in the nodes' own axes)
     /// by account: (force, damping), J.
     pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
         let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
         let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
         (force, vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).1 * dx[dof]))
+    }
+
+    /// Returns whether friction is [lagged](Evaluator::lag_friction) or forces are [held](Evaluator::hold_forces).
+    pub(crate) fn is_simplified(&self) -> bool {
+        let holds = self.nonconservative.as_ref().is_some_and(|forces| forces.held.is_some());
+        holds || self.assembler.shared_live().is_some_and(|live| live.is_lagged())
     }
 
     /// Returns ∂V/∂x of all coordinates at the last configuration, N.
@@ -275,7 +303,9 @@ impl Evaluator {
         self.assembler.gradient(&self.x, t, &mut self.gradient);
         self.add_discrete_gradient(system);
         self.work.gradients += 1;
-        if let Some(forces) = &mut self.nonconservative {
+        if let Some(Nonconservative { held: Some(held), .. }) = &mut self.nonconservative {
+            held.subtract(system, &self.x, &mut self.gradient);
+        } else if let Some(forces) = &mut self.nonconservative {
             forces.sum.evaluate(&self.x, &forces.x_dot, t);
             for (dof, gradient) in self.gradient.iter_mut().enumerate() {
                 *gradient -= forces.sum.total(dof);
@@ -298,11 +328,15 @@ impl Evaluator {
         self.evaluate(system, &state.q, state.t, true).err().unwrap_or(error)
     }
 
-    /// Returns V at (q, t), J.
+    /// Returns V at (q, t), J; with the potential of forces that are [held](Evaluator::hold_forces).
     pub(crate) fn energy(&mut self, system: &System, q: &[f64], t: f64) -> f64 {
         self.go_to(system, q, t);
         self.work.energies += 1;
-        self.assembler.energies(&self.x, t).total()
+        let energy = self.assembler.energies(&self.x, t).total();
+        match &mut self.nonconservative {
+            Some(Nonconservative { held: Some(held), .. }) => energy + held.energy(system, &self.x),
+            _ => energy,
+        }
     }
 
     /// Returns V with positions `x` of all coordinates at time t, J.
@@ -334,9 +368,15 @@ impl Evaluator {
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);
         let ends = self.ends.as_ref().map(|[start, end]| [&start[..], &end[..]]);
         let k = self.assembler.hessian_over(&self.x, self.t, kind, ends)?;
-        let Some(Nonconservative { sum, x_dot, rate, tangent }) = &mut self.nonconservative else {
+        let Some(Nonconservative { sum, x_dot, rate, tangent, held }) = &mut self.nonconservative else {
             return Ok(k);
         };
+        if let Some(held) = held {
+            return match held.tangent() {
+                Some(of_forces) => MatrixSum::of(tangent, &[(1.0, k), (1.0, of_forces)]),
+                None => Ok(k),
+            };
+        }
         sum.evaluate(&self.x, x_dot, self.t);
         let (stiffness, damping) = sum.tangents(system);
         let parts: Vec<(f64, &SymmetricMatrix)> = [Some((1.0, k)), stiffness.map(|m| (1.0, m))]

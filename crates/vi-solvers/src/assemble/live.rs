@@ -5,6 +5,7 @@
 //! an array that holds the end of the step followed by its start.
 
 mod hessians;
+mod lagged;
 mod near;
 mod paths;
 mod state;
@@ -15,6 +16,7 @@ use std::sync::Arc;
 use vi_core::{Acting, Damper, Impulse, Potential, StepOutcome, StepSpan, Terms, Tube};
 
 use crate::assemble::energy::Energies;
+use crate::assemble::fixed::FixedSum;
 use crate::assemble::passage::Passage;
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix_sum::MatrixSum;
@@ -35,6 +37,10 @@ pub(crate) struct LiveSum {
     block: Option<usize>,
     state: LiveState,
     near: Option<Near>,
+    /// The lagged friction of the open step, while all terms act by potentials at its end (`lagged`).
+    lagged: Option<FixedSum>,
+    /// The sum of Hessians with lagged friction. It begins anew in each step, so that a continued run has the same pattern.
+    lagged_union: Option<MatrixSum>,
     /// The region of the stencils, if it has a path.
     tube: Option<Tube>,
     union: Option<MatrixSum>,
@@ -60,6 +66,8 @@ impl LiveSum {
             block: (!terms.fixed().is_empty()).then_some(block),
             state: LiveState::default(),
             near: None,
+            lagged: None,
+            lagged_union: None,
             tube: None,
             union: None,
             fault: None,
@@ -95,7 +103,8 @@ impl LiveSum {
     /// Returns Σ V of the live terms by account, J; infinite if a term cannot be used.
     pub(crate) fn energies(&mut self, x: &[f64], t: f64) -> Energies {
         self.follow(x, None);
-        match &mut self.near {
+        let lagged = self.lagged.as_mut().map(|lagged| lagged.energies(x, t));
+        let mut energies = match &mut self.near {
             Some(near) => {
                 let terms = near.whole.terms().fixed();
                 let of = |term: &Arc<dyn Potential>| Some((term.account(), term.energy(x, t)?));
@@ -105,25 +114,32 @@ impl LiveSum {
                 }
             }
             None => Energies { contact: f64::INFINITY, ..Energies::default() },
+        };
+        if let Some(lagged) = lagged {
+            energies += lagged;
         }
+        energies
     }
 
     /// Adds ∂V/∂x of the terms that act by their gradient.
     pub(crate) fn add_gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) {
         self.follow(x, None);
-        let Self { near, buffer, .. } = self;
+        let Self { near, buffer, lagged, .. } = self;
         let Some(near) = near else { return out.fill(f64::NAN) };
         let assembler = match &mut near.parts {
-            Some([plain, _]) => plain,
-            None => &mut near.whole,
+            Some([plain, _]) if lagged.is_none() => plain,
+            _ => &mut near.whole,
         };
-        assembler.gradient(x, t, buffer);
-        vectors::update(out, |k, out| *out += buffer[k]);
+        for assembler in [Some(assembler), lagged.as_mut()].into_iter().flatten() {
+            assembler.gradient(x, t, buffer);
+            vectors::update(out, |k, out| *out += buffer[k]);
+        }
     }
 
     /// Opens a step from positions `x` (m). Terms that dissipate continue from the memory that they
     /// have there.
     pub(crate) fn open_step(&mut self, x: &[f64], span: StepSpan) -> Result<(), SolverError> {
+        self.lagged_union = None;
         if self.splits && self.passage.open(x, span) {
             self.exchange()?;
         }
@@ -186,7 +202,7 @@ impl LiveSum {
 
     /// Adds G(start, end) of the terms that act by a discrete gradient.
     pub(crate) fn add_discrete_gradient(&mut self, start: &[f64], end: &[f64], out: &mut [f64]) {
-        if !self.splits {
+        if !self.splits || self.lagged.is_some() {
             return;
         }
         self.follow(start, Some(end));
@@ -260,7 +276,7 @@ impl LiveSum {
 
     /// Returns whether any terms act by a discrete gradient.
     pub(crate) fn has_discrete(&self) -> bool {
-        self.near.as_ref().is_some_and(|near| near.parts.is_some())
+        self.lagged.is_none() && self.near.as_ref().is_some_and(|near| near.parts.is_some())
     }
 
     /// Returns the first stencil without a finite value.

@@ -37,6 +37,11 @@ impl Pairs {
         }
     }
 
+    /// Returns the forces of the last evaluation, with the predicted tractions.
+    pub(crate) fn acting(&self) -> &Acting {
+        &self.acting
+    }
+
     /// Returns an empty list to which terms append their forces.
     pub(crate) fn open(&mut self) -> &mut Acting {
         self.acting.clear();

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Damper, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome, StepSpan,
-    Traits,
+    Account, Acting, Damper, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome,
+    StepSpan, Traits,
 };
 
 use crate::error::SolverError;
@@ -141,6 +141,20 @@ impl Passage {
     /// Returns the duration of the open step and how terms act in it.
     pub(crate) fn span(&self) -> StepSpan {
         self.now.span
+    }
+
+    /// Returns the friction of the terms over the open step; see [`Potential::lagged_friction`].
+    pub(crate) fn lagged(
+        &self,
+        discrete: &[(usize, Arc<dyn Potential>)],
+        places: [&[f64]; 2],
+        acting: &Acting,
+    ) -> Vec<Arc<dyn Potential>> {
+        let Remembered { memories, span, .. } = &self.now;
+        let of = |(number, term): &(usize, Arc<dyn Potential>)| {
+            term.lagged_friction(*span, &memories[*number], places, acting)
+        };
+        discrete.iter().filter_map(of).collect()
     }
 
     /// Returns the terms over the open step, as potentials of its end.

@@ -88,7 +88,7 @@ impl Friction {
 
     /// Adds E v to `out`, where E is the tangent of the last forces minus the last model.
     pub(crate) fn add_defect(&mut self, v: &[f64], out: &mut [f64]) {
-        if let Some((_, model)) = self.live.last_tangents() {
+        for (_, model) in self.live.last_tangents() {
             model.multiply(v, &mut self.product);
             out.iter_mut().zip(&self.product).for_each(|(out, product)| *out -= product);
         }

@@ -143,6 +143,11 @@ impl ChosenSolver {
         *self = Self { may_be_single, ..Self::new(&options, is_exact) };
     }
 
+    /// Returns whether the run with this memory had chosen its solver.
+    pub(crate) fn is_in(memory: &StepperMemory) -> bool {
+        memory.count(NAMES[0]).is_ok()
+    }
+
     /// Takes the path that an earlier run took.
     pub(crate) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let [gradients, single, total, solves] = NAMES.map(|name| memory.count(name));

@@ -34,9 +34,9 @@ impl Newton {
     ) -> Result<Solved, SolverError> {
         solve.evaluator.work.descents += 1;
         let mut done = done;
-        if solve.equations.simplify(true) {
+        if solve.equations.simplify(solve.evaluator, true) {
             let simple = best_start(solve).and_then(|()| self.full_steps(solve, SIMPLE_TOLERANCE));
-            solve.equations.simplify(false);
+            solve.equations.simplify(solve.evaluator, false);
             let simple = simple?;
             done += simple;
             solve.evaluate()?;
@@ -60,7 +60,11 @@ impl Newton {
         Ok(Solved { iterations: done + iterations })
     }
 
-    fn full_steps<E: Equations>(&self, solve: &mut Solve<'_, E>, tolerance: f64) -> Result<u32, SolverError> {
+    pub(super) fn full_steps<E: Equations>(
+        &self,
+        solve: &mut Solve<'_, E>,
+        tolerance: f64,
+    ) -> Result<u32, SolverError> {
         let to_round_off = tolerance <= ROUND_OFF;
         let mut kind = HessianEvaluation::Exact;
         let mut last: Option<f64> = None;

@@ -52,9 +52,9 @@ pub(crate) trait Equations {
     fn longest_correction(&self, _evaluator: &Evaluator) -> f64 {
         f64::INFINITY
     }
-    /// Omits from R the part that keeps its solution from minimising the merit, or restores it; returns false if
-    /// there is no such part.
-    fn simplify(&mut self, _simple: bool) -> bool {
+    /// Omits from R the part that keeps its solution from minimising the merit, or linearises it at the last evaluation; restores it if
+    /// not `simple`. Returns false if there is no such part.
+    fn simplify(&mut self, _evaluator: &mut Evaluator, _simple: bool) -> bool {
         false
     }
     /// Goes to the configuration at which K is evaluated.

@@ -60,8 +60,10 @@ pub(crate) struct Inverse {
     summed: Option<Summed>,
     origin: Option<Origin>,
     rotated: Option<RotatedFactor>,
-    /// The tangents of discrete gradients in the factor, and their factor in K.
-    tangents: Option<(f64, SymmetricMatrix)>,
+    /// The tangents of discrete gradients in the factor, and their factors in K.
+    tangents: Vec<(f64, SymmetricMatrix)>,
+    /// Whether the factor is that of simplified equations.
+    is_simplified: bool,
     /// Whether all Hessians are constant. Then a factor is never stale.
     is_linear: bool,
 }
@@ -78,7 +80,8 @@ impl Inverse {
             summed,
             origin: None,
             rotated,
-            tangents: None,
+            tangents: Vec::new(),
+            is_simplified: false,
             is_linear,
         }
     }
@@ -86,6 +89,13 @@ impl Inverse {
     /// Returns whether K is the same everywhere.
     pub(crate) fn is_linear(&self) -> bool {
         self.is_linear
+    }
+
+    /// Forgets a factor of simplified equations: a run that continues this one could not make it again.
+    pub(crate) fn forget_simplified(&mut self) {
+        if self.is_simplified {
+            self.origin = None;
+        }
     }
 
     /// Returns whether there is a factor for this c.
@@ -208,25 +218,31 @@ impl Inverse {
         let made = self.linear.make(system, model, &mut work);
         evaluator.work += work;
         // Without a pair that acts there is nothing to multiply by.
-        let tangents = evaluator.last_tangents().filter(|(_, matrix)| !matrix.is_zero());
-        self.tangents = tangents.map(|(factor, matrix)| (factor, matrix.clone()));
+        let tangents = evaluator.last_tangents().into_iter().filter(|(_, matrix)| !matrix.is_zero());
+        self.tangents = tangents.map(|(factor, matrix)| (factor, matrix.clone())).collect();
+        self.is_simplified = evaluator.is_simplified();
         made
     }
 
     /// Computes out = S v with the part S of K that comes from the tangents of discrete gradients. Returns false, and
     /// changes nothing, if there is no such part.
     pub(crate) fn multiply_tangents(&self, v: &[f64], out: &mut [f64]) -> bool {
-        let Some((factor, matrix)) = &self.tangents else { return false };
-        match &self.rotated {
-            Some(rotated) => {
-                let mut at_origin = v.to_vec();
-                rotated.to_origin(&mut at_origin);
-                matrix.multiply(&at_origin, out);
-                rotated.to_now(out);
-            }
-            None => matrix.multiply(v, out),
+        if self.tangents.is_empty() {
+            return false;
         }
-        vectors::update(out, |_, value| *value *= factor);
+        let mut at_origin = v.to_vec();
+        if let Some(rotated) = &self.rotated {
+            rotated.to_origin(&mut at_origin);
+        }
+        let mut product = vec![0.0; v.len()];
+        out.fill(0.0);
+        for (factor, matrix) in &self.tangents {
+            matrix.multiply(&at_origin, &mut product);
+            vectors::update(out, |k, value| *value += factor * product[k]);
+        }
+        if let Some(rotated) = &self.rotated {
+            rotated.to_now(out);
+        }
         true
     }
 
@@ -269,6 +285,8 @@ impl Inverse {
                 memory.arrays.push(("factor.start".into(), start.clone()));
                 memory.arrays.push(("factor.end".into(), end.clone()));
             }
+        }
+        if self.linear.is_ready() {
             self.linear.save(memory);
         }
     }
@@ -291,7 +309,9 @@ impl Inverse {
         if let Some(summed) = &mut self.summed {
             summed.sum = None;
         }
-        let Ok(x) = memory.array("factor.x") else { return Ok(()) };
+        let Ok(x) = memory.array("factor.x") else {
+            return if ChosenSolver::is_in(memory) { self.linear.restore(memory) } else { Ok(()) };
+        };
         let &[c, t] = memory.array("factor.c_t")? else {
             return Err(SolverError::Memory { missing: "factor.c_t" });
         };

@@ -11,16 +11,17 @@
 //! the round-off of positions times the tangents of the pairs: at rest no other criterion is ever met, because errors are
 //! relative to the energy of the motion.
 //!
-//! The kink of friction is the subject of `soft_bristles`.
+//! The kink of friction is the subject of `soft_bristles`, and better starts of large systems that of `lagging`.
 
-use crate::assemble::evaluator::Evaluator;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
 use crate::newton::attempt::Solved;
 use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
-use crate::newton::inverse::{Inverse, Reason};
+use crate::newton::inverse::Reason;
+use crate::newton::lagging;
+use crate::newton::pair_equations::{PairEquations, begin_pairs};
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
 use crate::newton::solver::Newton;
 use crate::newton::start::Start;
@@ -54,49 +55,10 @@ const MOST_AFTER_PRODUCTS: usize = 20_000;
 const KEEPING: f64 = 0.3;
 /// Relative error below which the complete tangent contains those of the directions of forces.
 const NEAR: f64 = 3e-3;
+/// Largest number of iterations in a row without progress after passes with lagged friction: those that converge need two to six.
+const POLISHING: u32 = 10;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
-
-/// Equations in which live terms act pair by pair.
-pub(crate) trait PairEquations: Equations {
-    /// Returns how far the end of the step moves per unit of the unknowns.
-    fn end_per_stage(&self) -> f64;
-    /// Returns E v at the last evaluation, where A is the model that `inverse` holds; `None` if E is zero.
-    fn pair_defect(&self, inverse: &Inverse, evaluator: &Evaluator, v: &[f64]) -> Option<Vec<f64>>;
-    /// Computes the change of δ that a change v of −R causes, v ← A⁻¹v, without a change of the equations.
-    fn solve_change(
-        &mut self,
-        inverse: &mut Inverse,
-        evaluator: &mut Evaluator,
-        v: &mut [f64],
-    ) -> Result<(), SolverError>;
-    /// Adds to the last correction δ the change that a change r of −R causes. Returns −R·δ/c, J, without this change.
-    fn add_change(
-        &mut self,
-        inverse: &mut Inverse,
-        evaluator: &mut Evaluator,
-        r: &[f64],
-    ) -> Result<f64, SolverError>;
-    /// Returns the number of equations and constraints; `None` if their complete tangent cannot be factored.
-    fn complete_size(&self) -> Option<usize>;
-    /// Factors the complete tangent at the last evaluation, with the exact K.
-    fn factor_completely(&mut self, evaluator: &mut Evaluator) -> Result<(), SolverError>;
-    /// Solves for the correction by the last factors of a complete tangent. Returns its energy δᵀJδ/c (J), and the size of the
-    /// residual without the forces of constraints.
-    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError>;
-    /// Returns the size of the residual at the last evaluation, in the norm of the inverse mass.
-    fn residual_size(&self) -> f64;
-    /// Returns the size of the forces of pairs in the residual, in the same norm.
-    fn forces_size(&self, evaluator: &Evaluator) -> f64;
-    /// Returns a bound on the size that the residual of the last correction has by the round-off of positions in the forces of pairs.
-    fn round_off(&self, evaluator: &Evaluator) -> f64;
-    /// Shortens the last correction: to the length `longest` (m), and until no pair meets on its path; node by node, or
-    /// by the same fraction at all nodes. Returns whether it was not shortened.
-    fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool;
-    /// Moves the start of the iteration, node by node, to where no pair meets on the path from the beginning of the
-    /// step.
-    fn limit_start(&mut self, evaluator: &mut Evaluator);
-}
 
 /// A solve of equations with friction.
 struct PairSeries<'a, 'b, E> {
@@ -147,10 +109,38 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
         if size(Start::Stiff) < size(Start::Predicted) { Start::Stiff } else { Start::Predicted }
     }
 
+    /// Solves from where passes with lagged friction end.
+    fn solve_by_lagging(&mut self) -> Result<(), SolverError> {
+        self.done += lagging::approach(self.newton, self.solve)?;
+        let most = POLISHING.min(self.newton.max_iterations);
+        self.iterate(Aim { tolerance: self.newton.tolerance, most, stiffness: 1.0, is_uniform: false })?;
+        self.newton.renewal.has_lagged = true;
+        Ok(())
+    }
+
+    /// Solves plainly or with lagged friction first, whichever solved the last step, and then in the other way. What fails in both
+    /// ways is tried in stages.
     fn solve(&mut self) -> Result<(), SolverError> {
         let (start, tolerance) = (self.newton.renewal.start, self.newton.tolerance);
         let most = self.newton.max_iterations;
-        let Err(failed) = soft_bristles::solve_plainly(self, start, tolerance, most) else { return Ok(()) };
+        let may_lag = !is_direct(self.solve) && self.solve.equations.can_lag(self.solve.evaluator);
+        let lags_first = may_lag && self.newton.renewal.has_lagged;
+        if lags_first {
+            match self.solve_by_lagging() {
+                Err(error) if !error.is_interruption() => {}
+                outcome => return outcome,
+            }
+        }
+        let Err(failed) = soft_bristles::solve_plainly(self, start, tolerance, most) else {
+            self.newton.renewal.has_lagged = false;
+            return Ok(());
+        };
+        if may_lag && !lags_first && !failed.is_interruption() {
+            match self.solve_by_lagging() {
+                Err(error) if !error.is_interruption() => {}
+                outcome => return outcome,
+            }
+        }
         let has_friction = self.solve.evaluator.pairs().is_some_and(Pairs::has_friction);
         let can_be_divided = matches!(self.newton.budget, Budget::Seconds(_));
         let attempts = Attempt::after_plain(start, can_be_divided, has_friction);
@@ -284,12 +274,6 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         }
         Err(SolverError::NoConvergence { iterations: aim.most, residual: eta, tolerance: aim.tolerance })
     }
-}
-
-/// Makes evaluations list the forces of pairs, without predictions of friction.
-fn begin_pairs<E: PairEquations>(solve: &mut Solve<'_, E>) {
-    let per_mass = solve.equations.end_per_stage() * solve.equations.coefficient();
-    solve.evaluator.begin_pairs(solve.system, per_mass);
 }
 
 /// Returns the error of a correction with this energy (J), relative to `scale` (J).

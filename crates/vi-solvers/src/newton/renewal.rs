@@ -32,6 +32,8 @@ pub(crate) struct Renewal {
     pub(crate) start: Start,
     /// Whether the last step needed full Newton steps.
     pub(crate) has_descended: bool,
+    /// Whether the last step near pairs was solved by way of lagged friction.
+    pub(crate) has_lagged: bool,
 }
 
 impl Default for Renewal {
@@ -44,6 +46,7 @@ impl Default for Renewal {
             contraction: 0.0,
             start: Start::Predicted,
             has_descended: false,
+            has_lagged: false,
         }
     }
 }
@@ -73,7 +76,7 @@ impl Renewal {
 
     /// Records that a factor was made.
     pub(crate) fn renew(&mut self) {
-        *self = Self { fresh: self.fresh, start: self.start, ..Self::default() };
+        *self = Self { fresh: self.fresh, start: self.start, has_lagged: self.has_lagged, ..Self::default() };
     }
 
     /// Records the end of a step that made `iterations` with the current factor.
@@ -94,26 +97,45 @@ impl Renewal {
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
-        let Self { age, total, recent, fresh, contraction, start, has_descended } = *self;
+        let Self { age, total, recent, fresh, contraction, start, has_descended, has_lagged } = *self;
         let contraction = contraction.to_bits();
         let recent = recent.to_bits();
-        let counts = [age, total, recent, fresh, contraction, start.number(), u64::from(has_descended)];
+        let counts = [
+            age,
+            total,
+            recent,
+            fresh,
+            contraction,
+            start.number(),
+            u64::from(has_descended),
+            u64::from(has_lagged),
+        ];
         for (name, value) in NAMES.into_iter().zip(counts) {
             memory.counts.push((name.to_owned(), value));
         }
     }
 
     pub(crate) fn restore(memory: &StepperMemory) -> Result<Self, SolverError> {
-        let [age, total, recent, fresh, contraction, start, descended] = NAMES.map(|name| memory.count(name));
+        let [age, total, recent, fresh, contraction, start, descended, lagged] =
+            NAMES.map(|name| memory.count(name));
         let contraction = f64::from_bits(contraction?);
         let start = Start::from_number(start?).ok_or(SolverError::Memory { missing: "policy.start" })?;
         let recent = f64::from_bits(recent?);
         let has_descended = descended? == 1;
-        Ok(Self { age: age?, total: total?, recent, fresh: fresh?, contraction, start, has_descended })
+        Ok(Self {
+            age: age?,
+            total: total?,
+            recent,
+            fresh: fresh?,
+            contraction,
+            start,
+            has_descended,
+            has_lagged: lagged? == 1,
+        })
     }
 }
 
-const NAMES: [&str; 7] = [
+const NAMES: [&str; 8] = [
     "policy.age",
     "policy.total",
     "policy.recent_bits",
@@ -121,4 +143,5 @@ const NAMES: [&str; 7] = [
     "policy.contraction_bits",
     "policy.start",
     "policy.descended",
+    "policy.lagged",
 ];

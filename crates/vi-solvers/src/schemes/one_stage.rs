@@ -267,6 +267,7 @@ impl<R: Rule> OneStage<R> {
             None if meets_pairs => newton.solve_pairs(&mut solve),
             None => newton.solve(&mut solve),
         };
+        solve.inverse.forget_simplified();
         let iterations = solved?.iterations;
         let StageEquations { rule, .. } = &solve.equations;
         if matches!(newton.budget, Budget::Seconds(_))

@@ -123,9 +123,34 @@ impl Evaluator {
         self.pairs.as_ref()
     }
 
-    /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
-    pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
-        self.assembler.shared_live()?.last_tangents()
+    /// Returns whether live terms list the forces of pairs, and these act at the end of the open step.
+    pub(crate) fn pairs_act_at_end(&self) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.pairs_act_at_end())
+    }
+
+    /// Makes live terms act by potentials at the end of the step, with the friction that they have between two configurations, (q, t)
+    /// each ([`vi_core::DiscreteGradient::lagged_friction`]).
+    pub(crate) fn lag_friction(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
+        self.set_ends(system, start, end);
+        let Self { ends: Some([start, end]), assembler, pairs: Some(pairs), .. } = self else { return };
+        if let Some(live) = assembler.live() {
+            live.lag(start, end, pairs.acting());
+            self.lists_pairs = false;
+        }
+    }
+
+    /// Ends what [`Evaluator::lag_friction`] began.
+    pub(crate) fn end_lag(&mut self) {
+        self.lists_pairs = true;
+        self.gradient_is_of_x = false;
+        if let Some(live) = self.assembler.live() {
+            live.end_lag();
+        }
+    }
+
+    /// Returns the parts of the last Hessian that come from discrete gradients, with their factors in it.
+    pub(crate) fn last_tangents(&self) -> Vec<(f64, &SymmetricMatrix)> {
+        self.assembler.shared_live().map_or_else(Vec::new, |live| live.last_tangents())
     }
 
     /// Returns the groups of nodes that meet on the path from `x` to `end`, or keep too little of their gap.

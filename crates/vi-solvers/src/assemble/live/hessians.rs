@@ -32,8 +32,17 @@ impl LiveSum {
             self.restore_pattern(fixed, x, t, ends.is_some())?;
         }
         let factor = ends.map(|_| self.end_per_stage());
-        let Self { near, union, state, pair, patterns, .. } = self;
+        let Self { near, lagged, lagged_union, union, state, pair, patterns, .. } = self;
         let Some(near) = near else { return Ok(fixed) };
+        if let Some(lagged) = lagged {
+            let parts = [fixed, near.whole.hessian(x, t, kind), lagged.hessian(x, t, kind)];
+            let is_contained = lagged_union.as_mut().is_some_and(|union| union.admit(&parts));
+            let union = match lagged_union.take().filter(|_| is_contained) {
+                Some(union) => union,
+                None => MatrixSum::new(&parts)?,
+            };
+            return Ok(lagged_union.insert(union).combine(&parts.map(|part| (1.0, part))));
+        }
         let parts = near.hessians(fixed, x, pair, t, kind, factor);
         let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
         let is_contained = union.as_mut().is_some_and(|union| union.admit(&matrices));
@@ -72,10 +81,16 @@ impl LiveSum {
         Some(discrete.hessian(pair, 0.0, HessianEvaluation::Exact))
     }
 
-    /// Returns the tangents of discrete gradients that the last Hessian contains, and their factor in it.
-    pub(crate) fn last_tangents(&self) -> Option<(f64, &SymmetricMatrix)> {
-        let [_, discrete] = self.near.as_ref()?.parts.as_ref()?;
-        Some((self.end_per_stage(), discrete.last_hessian()?))
+    /// Returns the matrices, with their factors, of which the part of the last Hessian consists that comes from the terms with a
+    /// discrete gradient.
+    pub(crate) fn last_tangents(&self) -> Vec<(f64, &SymmetricMatrix)> {
+        let Some(near) = &self.near else { return Vec::new() };
+        let parts = match (&self.lagged, &near.parts) {
+            (Some(lagged), _) => vec![(1.0, near.whole.last_hessian()), (1.0, lagged.last_hessian())],
+            (None, Some([_, discrete])) => vec![(self.end_per_stage(), discrete.last_hessian())],
+            (None, None) => Vec::new(),
+        };
+        parts.into_iter().filter_map(|(factor, matrix)| Some((factor, matrix?))).collect()
     }
 
     fn restore_pattern(

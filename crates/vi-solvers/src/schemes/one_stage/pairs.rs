@@ -8,7 +8,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
-use crate::newton::pairs::PairEquations;
+use crate::newton::pair_equations::PairEquations;
 use crate::schemes::constraint::multipliers::Multipliers;
 use crate::vectors;
 
@@ -211,6 +211,25 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         }
         self.stage.correction = delta;
         is_whole
+    }
+
+    fn can_lag(&self, evaluator: &Evaluator) -> bool {
+        let is_plain = self.stage.multipliers.is_none() && !self.rule.has_correction();
+        is_plain && evaluator.pairs_act_at_end()
+    }
+
+    fn lag(&mut self, evaluator: &mut Evaluator, at_start: bool) {
+        self.hold_forces(evaluator, true);
+        let Stage { origin, offset, w, start_t, h, .. } = &*self.stage;
+        let end = |k: usize| if at_start { origin[k] } else { origin[k] + (offset[k] + w[k]) };
+        let end: Vec<f64> = (0..w.len()).map(end).collect();
+        let end_t = if at_start { *start_t } else { start_t + h };
+        evaluator.lag_friction(self.system, (origin, *start_t), (&end, end_t));
+    }
+
+    fn end_lag(&mut self, evaluator: &mut Evaluator) {
+        self.hold_forces(evaluator, false);
+        evaluator.end_lag();
     }
 
     fn limit_start(&mut self, evaluator: &mut Evaluator) {

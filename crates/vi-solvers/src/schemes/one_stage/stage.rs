@@ -53,6 +53,8 @@ pub(super) struct Stage {
     /// Whether there are forces without a potential. Then velocities at the start are stored.
     pub(super) is_forced: bool,
     pub(super) velocity: Vec<f64>,
+    /// Whether these forces are held; see [`Evaluator::hold_forces`].
+    pub(super) holds_forces: bool,
     /// Whether live terms act by discrete gradients. Then the stage does not minimise a function.
     pub(super) has_discrete: bool,
     /// The multipliers, if there are constraints.
@@ -91,6 +93,7 @@ impl Stage {
             is_simple: false,
             is_forced,
             has_discrete: false,
+            holds_forces: false,
             velocity: Vec::new(),
         }
     }
@@ -228,6 +231,17 @@ pub(super) struct StageEquations<'a, R> {
     pub(super) stage: &'a mut Stage,
 }
 
+impl<R: Rule> StageEquations<'_, R> {
+    /// Replaces forces without a potential by those that are linearised at the last evaluation, or ends this.
+    pub(super) fn hold_forces(&mut self, evaluator: &mut Evaluator, holds: bool) {
+        self.stage.holds_forces = holds && self.stage.is_forced;
+        match self.stage.holds_forces {
+            true => evaluator.hold_forces(self.system),
+            false => evaluator.release_forces(),
+        }
+    }
+}
+
 impl<R: Rule> Equations for StageEquations<'_, R> {
     fn coefficient(&self) -> f64 {
         self.stage.c
@@ -245,10 +259,18 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         self.stage.multipliers.is_some()
     }
 
-    fn simplify(&mut self, simple: bool) -> bool {
-        let may_be = self.rule.has_correction() && !self.stage.is_forced && !self.stage.has_discrete;
-        self.stage.is_simple = simple && may_be;
-        may_be
+    fn simplify(&mut self, evaluator: &mut Evaluator, simple: bool) -> bool {
+        let Stage { is_forced, has_discrete, .. } = *self.stage;
+        if self.rule.has_correction() {
+            let may_be = !is_forced && !has_discrete;
+            self.stage.is_simple = simple && may_be;
+            return may_be;
+        }
+        if !is_forced || has_discrete || self.stage.multipliers.is_some() {
+            return false;
+        }
+        self.hold_forces(evaluator, simple);
+        true
     }
 
     fn unknowns(&self) -> &[f64] {
@@ -353,7 +375,8 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn has_merit(&self) -> bool {
-        let is_plain = !self.stage.is_forced && self.stage.multipliers.is_none() && !self.stage.has_discrete;
+        let is_forced = self.stage.is_forced && !self.stage.holds_forces;
+        let is_plain = !is_forced && self.stage.multipliers.is_none() && !self.stage.has_discrete;
         (!self.rule.has_correction() || self.stage.is_simple) && is_plain
     }
 
