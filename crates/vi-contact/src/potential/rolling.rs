@@ -227,9 +227,10 @@ impl Potential for RollingPotential {
         [start, end]: [&[f64]; 2],
         acting: &Acting,
     ) -> Option<Arc<dyn Potential>> {
-        let Step { settings, anchors } = Step::new(span, memory, self.contact.surface())?;
+        let step = Step::new(span, memory, self.contact.surface());
+        let Step { settings, anchors } = step.filter(|step| step.settings.acts_at_end)?;
         let contact = self.contact.contact();
-        let pairs = if settings.acts_at_end { contact.step(end, end, &settings) } else { Vec::new() };
+        let pairs = contact.step(end, end, &settings);
         let mut lagged = LaggedFriction::<ARITY>::new();
         for pairs in pairs.chunk_by(|a, b| a.partners == b.partners) {
             let pressed = Pressed { force: pressing(pairs), iterate: Some(acting) };

@@ -371,19 +371,14 @@ impl Evaluator {
         let Some(Nonconservative { sum, x_dot, rate, tangent, held }) = &mut self.nonconservative else {
             return Ok(k);
         };
-        if let Some(held) = held {
-            return match held.tangent() {
-                Some(of_forces) => MatrixSum::of(tangent, &[(1.0, k), (1.0, of_forces)]),
-                None => Ok(k),
-            };
+        let mut parts = vec![(1.0, k)];
+        match held {
+            Some(held) => parts.extend(held.tangent().map(|matrix| (1.0, matrix))),
+            None => {
+                sum.evaluate(&self.x, x_dot, self.t);
+                parts.extend(sum.tangents(system, *rate));
+            }
         }
-        sum.evaluate(&self.x, x_dot, self.t);
-        let (stiffness, damping) = sum.tangents(system);
-        let parts: Vec<(f64, &SymmetricMatrix)> = [Some((1.0, k)), stiffness.map(|m| (1.0, m))]
-            .into_iter()
-            .chain([damping.map(|m| (*rate, m))])
-            .flatten()
-            .collect();
         MatrixSum::of(tangent, &parts)
     }
 
@@ -394,9 +389,7 @@ impl Evaluator {
         self.assembler.for_each_hessian(&self.x, self.t, each);
         if let Some(Nonconservative { sum, x_dot, rate, .. }) = &mut self.nonconservative {
             sum.evaluate(&self.x, x_dot, self.t);
-            let (stiffness, damping) = sum.tangents(system);
-            stiffness.into_iter().for_each(|matrix| each(1.0, matrix));
-            damping.into_iter().for_each(|matrix| each(*rate, matrix));
+            sum.tangents(system, *rate).for_each(|(factor, matrix)| each(factor, matrix));
         }
     }
 

@@ -156,12 +156,13 @@ impl ForceSum {
         Some(group.sum.hessian(&self.state, self.t, HessianEvaluation::Exact))
     }
 
-    /// Returns the symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation; the latter only if a force depends on
-    /// ẋ.
+    /// Returns the symmetric parts of −∂f/∂x and −∂f/∂ẋ at the last evaluation, with the factors 1 and ∂ẋ/∂q = `rate` (1/s) in −∂f/∂q.
+    /// The latter is there only if a force depends on ẋ.
     pub(crate) fn tangents(
         &mut self,
         system: &System,
-    ) -> (Option<&SymmetricMatrix>, Option<&SymmetricMatrix>) {
+        rate: f64,
+    ) -> impl Iterator<Item = (f64, &SymmetricMatrix)> {
         if self.stiffness_tangent.is_none() {
             self.stiffness_tangent = Group::new(system, Tangent::Stiffness, |_| true);
         }
@@ -169,10 +170,9 @@ impl ForceSum {
             self.damping_tangent = Group::new(system, Tangent::Damping, |force| force.depends_on_velocity());
         }
         let (state, t) = (&self.state, self.t);
-        let [stiffness, damping] = [&mut self.stiffness_tangent, &mut self.damping_tangent].map(|group| {
-            let group = group.as_mut()?;
-            Some(group.sum.hessian(state, t, HessianEvaluation::Exact))
-        });
-        (stiffness, damping)
+        let groups = [(1.0, &mut self.stiffness_tangent), (rate, &mut self.damping_tangent)].into_iter();
+        groups.filter_map(move |(factor, group)| {
+            Some((factor, group.as_mut()?.sum.hessian(state, t, HessianEvaluation::Exact)))
+        })
     }
 }

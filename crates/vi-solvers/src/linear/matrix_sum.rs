@@ -69,6 +69,23 @@ impl MatrixSum {
         true
     }
 
+    /// Returns a sum for these summands, and whether it is new: the present one if it [admits](MatrixSum::admit) them.
+    ///
+    /// # Errors
+    /// Returns the errors of [`MatrixSum::new`].
+    pub(crate) fn covering<'a>(
+        sum: &'a mut Option<Self>,
+        parts: &[&SymmetricMatrix],
+    ) -> Result<(&'a mut Self, bool), SolverError> {
+        let kept = sum.take().and_then(|mut kept| kept.admit(parts).then_some(kept));
+        let is_new = kept.is_none();
+        let made = match kept {
+            Some(kept) => kept,
+            None => Self::new(parts)?,
+        };
+        Ok((sum.insert(made), is_new))
+    }
+
     /// Returns the sum of these matrices. Builds the maps again if a summand has another pattern than before.
     ///
     /// # Errors

@@ -52,19 +52,24 @@ impl Newton {
         } else {
             self.begin(solve, self.renewal.start)?;
         }
-        let iterations = self.full_steps(solve, self.tolerance)?;
-        // The factor belongs to the last iterate; the next step begins as after any other new factor.
-        self.renewal.renew();
-        self.renewal.record(1, None);
+        let iterations = self.full_steps_to_new_factor(solve, self.tolerance)?;
         self.renewal.has_descended = iterations > 2;
         Ok(Solved { iterations: done + iterations })
     }
 
-    pub(super) fn full_steps<E: Equations>(
-        &self,
+    /// Makes full Newton steps. The factor then belongs to the last iterate; what follows begins as after any other new factor.
+    pub(super) fn full_steps_to_new_factor<E: Equations>(
+        &mut self,
         solve: &mut Solve<'_, E>,
         tolerance: f64,
     ) -> Result<u32, SolverError> {
+        let iterations = self.full_steps(solve, tolerance)?;
+        self.renewal.renew();
+        self.renewal.record(1, None);
+        Ok(iterations)
+    }
+
+    fn full_steps<E: Equations>(&self, solve: &mut Solve<'_, E>, tolerance: f64) -> Result<u32, SolverError> {
         let to_round_off = tolerance <= ROUND_OFF;
         let mut kind = HessianEvaluation::Exact;
         let mut last: Option<f64> = None;

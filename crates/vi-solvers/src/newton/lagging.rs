@@ -84,10 +84,7 @@ impl Newton {
                     solve.evaluate()?;
                 }
             }
-            let iterations = newton.full_steps(solve, tolerance)?;
-            newton.renewal.renew();
-            newton.renewal.record(1, None);
-            Ok(done + iterations)
+            Ok(done + newton.full_steps_to_new_factor(solve, tolerance)?)
         };
         let outcome = descend(self);
         self.tolerance = own;

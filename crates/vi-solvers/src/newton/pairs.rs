@@ -113,9 +113,7 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
     fn solve_by_lagging(&mut self) -> Result<(), SolverError> {
         self.done += lagging::approach(self.newton, self.solve)?;
         let most = POLISHING.min(self.newton.max_iterations);
-        self.iterate(Aim { tolerance: self.newton.tolerance, most, stiffness: 1.0, is_uniform: false })?;
-        self.newton.renewal.has_lagged = true;
-        Ok(())
+        self.iterate(Aim { tolerance: self.newton.tolerance, most, stiffness: 1.0, is_uniform: false })
     }
 
     /// Solves plainly or with lagged friction first, whichever solved the last step, and then in the other way. What fails in both
@@ -124,21 +122,25 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
         let (start, tolerance) = (self.newton.renewal.start, self.newton.tolerance);
         let most = self.newton.max_iterations;
         let may_lag = !is_direct(self.solve) && self.solve.equations.can_lag(self.solve.evaluator);
-        let lags_first = may_lag && self.newton.renewal.has_lagged;
-        if lags_first {
-            match self.solve_by_lagging() {
-                Err(error) if !error.is_interruption() => {}
-                outcome => return outcome,
-            }
-        }
-        let Err(failed) = soft_bristles::solve_plainly(self, start, tolerance, most) else {
-            self.newton.renewal.has_lagged = false;
-            return Ok(());
+        let ways: &[bool] = match (may_lag, self.newton.renewal.has_lagged) {
+            (false, _) => &[false],
+            (true, false) => &[false, true],
+            (true, true) => &[true, false],
         };
-        if may_lag && !lags_first && !failed.is_interruption() {
-            match self.solve_by_lagging() {
-                Err(error) if !error.is_interruption() => {}
-                outcome => return outcome,
+        let mut failed = SolverError::NoConvergence { iterations: 0, residual: f64::INFINITY, tolerance };
+        for &lags in ways {
+            let outcome = match lags {
+                true => self.solve_by_lagging(),
+                false => soft_bristles::solve_plainly(self, start, tolerance, most),
+            };
+            match outcome {
+                Ok(()) => {
+                    self.newton.renewal.has_lagged = lags;
+                    return Ok(());
+                }
+                Err(error) if error.is_interruption() => return Err(error),
+                Err(error) if !lags => failed = error,
+                Err(_) => {}
             }
         }
         let has_friction = self.solve.evaluator.pairs().is_some_and(Pairs::has_friction);

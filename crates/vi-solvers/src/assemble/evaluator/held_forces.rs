@@ -36,9 +36,7 @@ impl HeldForces {
         let zero = || vec![0.0; free.len()];
         let mut q = zero();
         system.coordinates().coordinates_of(x, &mut q);
-        let (stiffness, damping) = sum.tangents(system);
-        let parts = [stiffness.map(|matrix| (1.0, matrix)), damping.map(|matrix| (rate, matrix))];
-        let parts: Vec<(f64, &SymmetricMatrix)> = parts.into_iter().flatten().collect();
+        let parts: Vec<(f64, &SymmetricMatrix)> = sum.tangents(system, rate).collect();
         let tangent = if parts.is_empty() { None } else { MatrixSum::of(&mut None, &parts).ok().cloned() };
         Self { q, force, tangent, change: zero(), product: zero() }
     }

@@ -129,7 +129,7 @@ impl Evaluator {
     }
 
     /// Makes live terms act by potentials at the end of the step, with the friction that they have between two configurations, (q, t)
-    /// each ([`vi_core::DiscreteGradient::lagged_friction`]).
+    /// each ([`vi_core::Potential::lagged_friction`]).
     pub(crate) fn lag_friction(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
         self.set_ends(system, start, end);
         let Self { ends: Some([start, end]), assembler, pairs: Some(pairs), .. } = self else { return };

@@ -36,25 +36,17 @@ impl LiveSum {
         let Some(near) = near else { return Ok(fixed) };
         if let Some(lagged) = lagged {
             let parts = [fixed, near.whole.hessian(x, t, kind), lagged.hessian(x, t, kind)];
-            let is_contained = lagged_union.as_mut().is_some_and(|union| union.admit(&parts));
-            let union = match lagged_union.take().filter(|_| is_contained) {
-                Some(union) => union,
-                None => MatrixSum::new(&parts)?,
-            };
-            return Ok(lagged_union.insert(union).combine(&parts.map(|part| (1.0, part))));
+            let (union, _) = MatrixSum::covering(lagged_union, &parts)?;
+            return Ok(union.combine(&parts.map(|part| (1.0, part))));
         }
         let parts = near.hessians(fixed, x, pair, t, kind, factor);
         let matrices: Vec<&SymmetricMatrix> = parts.iter().map(|part| part.1).collect();
-        let is_contained = union.as_mut().is_some_and(|union| union.admit(&matrices));
-        if !is_contained {
-            *union = Some(MatrixSum::new(&matrices)?);
+        let (union, is_new) = MatrixSum::covering(union, &matrices)?;
+        if is_new {
             *patterns += 1;
             state.pattern.clone_from(&state.region);
         }
-        match union {
-            Some(union) => Ok(union.combine(&parts)),
-            None => Ok(fixed),
-        }
+        Ok(union.combine(&parts))
     }
 
     /// Returns the Hessian of the live terms alone, and the number of their stencils; `None` if there are none.
