@@ -8,7 +8,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
-use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within};
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within, relative_error};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
 use crate::newton::krylov;
@@ -88,7 +88,7 @@ impl Newton {
             }
             let longest = solve.largest_step();
             solve.equations.advance(longest);
-            eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };
+            eta = relative_error(decrement, solve.equations.energy_scale());
             let contraction = last.map(|last| eta / last);
             let is_done = if to_round_off {
                 self.is_converged(solve, true, eta, contraction)

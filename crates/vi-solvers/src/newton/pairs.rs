@@ -16,7 +16,7 @@
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
-use crate::newton::attempt::Solved;
+use crate::newton::attempt::{Solved, relative_error};
 use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
@@ -276,11 +276,6 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         }
         Err(SolverError::NoConvergence { iterations: aim.most, residual: eta, tolerance: aim.tolerance })
     }
-}
-
-/// Returns the error of a correction with this energy (J), relative to `scale` (J).
-fn relative_error(energy: f64, scale: f64) -> f64 {
-    if energy == 0.0 { 0.0 } else { (energy.abs() / scale).sqrt() }
 }
 
 /// Returns the error below which factors of the complete tangent may serve the next iteration too.

@@ -6,7 +6,7 @@
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 use crate::newton::anderson::Anderson;
-use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within};
+use crate::newton::attempt::{Attempt, Course, ROUND_OFF, Solved, is_within, relative_error};
 use crate::newton::budget::Budget;
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
@@ -126,7 +126,7 @@ impl Newton {
             let longest = solve.largest_step();
             solve.equations.advance(longest);
             let scale = solve.equations.energy_scale();
-            let eta = if decrement > 0.0 { (decrement / scale).sqrt() } else { 0.0 };
+            let eta = relative_error(decrement, scale);
             let contraction = attempt.record(eta);
             if longest == 1.0 && self.is_converged(solve, attempt.to_round_off, eta, contraction) {
                 self.renewal.record(attempt.with_factor, attempt.mean_contraction());
@@ -162,7 +162,7 @@ impl Newton {
             if solve.evaluate().is_ok() {
                 let decrement = solve.correct()?;
                 solve.evaluator.work.newton_iterations += 1;
-                if decrement < least {
+                if decrement.abs() < least.abs() {
                     (self.renewal.start, least) = (start, decrement);
                 }
             }

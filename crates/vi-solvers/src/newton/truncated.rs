@@ -4,7 +4,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
-use crate::newton::attempt::{Solved, is_within};
+use crate::newton::attempt::{Solved, is_within, relative_error};
 use crate::newton::descent::{best_start, full_step};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
@@ -40,7 +40,7 @@ impl Newton {
         for iteration in 1..=most {
             let decrement = solve.correct()?;
             solve.evaluator.work.newton_iterations += 1;
-            let eta = if decrement > 0.0 { (decrement / solve.equations.energy_scale()).sqrt() } else { 0.0 };
+            let eta = relative_error(decrement, solve.equations.energy_scale());
             if !solve.equations.has_merit() {
                 if last.is_some_and(|last| eta > last) {
                     solve.equations.go_to(&before_last);

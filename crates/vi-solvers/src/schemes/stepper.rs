@@ -169,6 +169,7 @@ impl StepError {
                 | SolverError::Residual { .. }
                 | SolverError::Singular { .. }
                 | SolverError::Narrow { .. }
+                | SolverError::ConstraintDefect { .. }
         )
     }
 }

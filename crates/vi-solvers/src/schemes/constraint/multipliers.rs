@@ -107,6 +107,11 @@ impl Multipliers {
         self.forces.copy_from_slice(&self.last);
     }
 
+    /// Has Z computed anew before the next correction, whose directions are those of another start.
+    pub(crate) fn forget_directions(&mut self) {
+        self.z_is_of = None;
+    }
+
     /// Adds Nᵀℓ to the additions to ∂V/∂q at the stage (q, t), and evaluates the constraints at the end of the step.
     pub(crate) fn evaluate(
         &mut self,

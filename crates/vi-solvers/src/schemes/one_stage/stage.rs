@@ -284,6 +284,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn start(&mut self, start: Start) {
+        if let Some(multipliers) = &mut self.stage.multipliers {
+            multipliers.forget_directions();
+        }
         let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
         match (start, *history_count) {
             (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
