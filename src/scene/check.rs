@@ -178,8 +178,9 @@ fn adaptive(check: &mut Checker, scene: &Scene) {
         (time.scheme == Some(SchemeName::Bdf2), "scheme \"bdf2\" needs equal steps: write a step in s"),
         (scene.statics.is_some(), "[static] has no motion to follow: write a step in s"),
         (
-            scene.contact.is_some(),
-            "\"adaptive\" is not possible with [contact], whose friction cannot be taken back: write a step in s",
+            scene.contact.is_some() && time.method().is_some_and(|method| method.facts().is_explicit),
+            "explicit steps must not change with [contact]: each change near the stability limit adds energy; write a step in \
+             s, or use energy-momentum",
         ),
         (time.estimate, "`estimate` compares equal steps: write a step in s, or remove `estimate`"),
     ];

@@ -127,6 +127,7 @@ impl Adaptive {
     ) -> Result<(March, AdaptiveCounts), Failure> {
         let Course { stepper, system, state, pace } = course;
         let before = (state.clone(), *pace);
+        stepper.mark();
         let start = state.t;
         let failed =
             |cause| Failure { error: StepError { t: start, h, cause }, from: Box::new(before.0.clone()) };
@@ -151,7 +152,14 @@ impl Adaptive {
                 Ok(())
             });
             let at_end = outcome.and_then(|()| self.density(asked, system, state).map_err(failed));
-            let at_end = at_end.inspect_err(|_| (*state, *pace) = before.clone())?;
+            let at_end = match at_end {
+                Ok(at_end) => at_end,
+                Err(failure) => {
+                    stepper.return_to_mark();
+                    (*state, *pace) = before;
+                    return Err(failure);
+                }
+            };
             let wanted = level(0.5 * h * (at_start + at_end));
             let is_final = !self.is_symmetric || wanted == number || tried.len() > REPEATS;
             // Of two numbers that ask for each other, the larger one is taken from either end.
@@ -163,6 +171,7 @@ impl Adaptive {
             }
             counts.repeated += 1;
             number = wanted;
+            stepper.return_to_mark();
             (*state, *pace) = before.clone();
         }
     }

@@ -153,6 +153,8 @@ fn what_is_not_built_is_refused_by_name() {
     };
     let guarded = block("stormer-verlet", "") + "[guard]\naction = \"halve\"\n";
     refused(&guarded, &["guard.action", "explicit steps must not change"]);
+    let adaptive = block("stormer-verlet", "").replace("step = 1e-3", "step = \"adaptive\"");
+    refused(&adaptive, &["time.step", "explicit steps must not change"]);
     refused(&block("generalized-alpha", ""), &["generalized-alpha", "backward-euler, bdf2 or newmark"]);
     refused(
         &block("energy-momentum", "exclude = [[\"block\", \"flor\"]]"),

@@ -50,6 +50,8 @@ pub(crate) struct LiveSum {
     /// Positions at the end of a step, then at its start.
     pair: Vec<f64>,
     passage: Passage,
+    /// The passage at the last mark.
+    marked: Passage,
     renewals: u64,
     patterns: u64,
 }
@@ -74,6 +76,7 @@ impl LiveSum {
             buffer: vec![0.0; terms.coordinates().dof_count()],
             pair: Vec::new(),
             passage: Passage::new(terms.live().len()),
+            marked: Passage::new(terms.live().len()),
             renewals: 0,
             patterns: 0,
         })
@@ -98,6 +101,16 @@ impl LiveSum {
             self.renew(state.region.clone());
         }
         self.state = state.clone();
+    }
+
+    /// Marks what the terms remember.
+    pub(crate) fn mark(&mut self) {
+        self.marked.clone_from(&self.passage);
+    }
+
+    /// Takes back what the terms remember since the last mark.
+    pub(crate) fn return_to_mark(&mut self) {
+        self.passage.return_to(&self.marked);
     }
 
     /// Returns Σ V of the live terms by account, J; infinite if a term cannot be used.

@@ -125,6 +125,12 @@ impl Passage {
         }
     }
 
+    /// Goes back to an earlier passage of the same terms. The next step evaluates them anew.
+    pub(crate) fn return_to(&mut self, earlier: &Self) {
+        self.clone_from(earlier);
+        self.now.span = StepSpan::default();
+    }
+
     /// Opens a step from positions x. Returns false if the terms act as they did over the last step.
     pub(crate) fn open(&mut self, x: &[f64], span: StepSpan) -> bool {
         if self.x != x && self.x_before == x {

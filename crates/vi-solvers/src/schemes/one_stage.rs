@@ -388,6 +388,14 @@ impl<R: Rule> Stepper for OneStage<R> {
         self.evaluator.acts_over_steps().then(|| self.evaluator.take_smallest_gap())
     }
 
+    fn mark(&mut self) {
+        self.evaluator.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.evaluator.return_to_mark();
+    }
+
     fn set_budget(&mut self, budget: Budget) {
         self.newton.budget = budget;
     }

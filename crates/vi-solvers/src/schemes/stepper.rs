@@ -70,6 +70,14 @@ pub trait Stepper: Send {
         Err(SolverError::Memory { missing: "a state to go back to" })
     }
 
+    /// Marks the present state: [`Stepper::return_to_mark`] goes back to it. Replaces the last mark.
+    fn mark(&mut self) {}
+
+    /// Takes back what live terms remember of the steps since [`Stepper::mark`]: friction, and impulses and gaps that were not taken.
+    /// The caller takes back the state. Unlike after [`Stepper::restore`], the next steps are those from the mark to the tolerance of
+    /// the solver, not bit for bit, and cost no new factor.
+    fn return_to_mark(&mut self) {}
+
     /// Returns the linear solver of its steps and the reason for it; `None` before the first solve and for explicit
     /// schemes.
     fn linear_solver(&self) -> Option<&str> {

@@ -301,6 +301,20 @@ impl Evaluator {
         self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)
     }
 
+    /// Marks what live terms remember.
+    pub(crate) fn mark(&mut self) {
+        if let Some(live) = self.assembler.live() {
+            live.mark();
+        }
+    }
+
+    /// Takes back what live terms remember since the last mark.
+    pub(crate) fn return_to_mark(&mut self) {
+        if let Some(live) = self.assembler.live() {
+            live.return_to_mark();
+        }
+    }
+
     /// Returns the configurations from which the stencils of live terms come.
     pub(crate) fn live_state(&mut self) -> Option<LiveState> {
         self.assembler.live().map(|live| live.state())
