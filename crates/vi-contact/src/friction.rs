@@ -74,6 +74,8 @@ pub struct FrictionPair {
     pub tangents: [Vec3; 2],
     /// Covectors g¹ and g² with Σ_a gᵏ_a·Δx_a = t_k·u.
     pub along: [[Vec3; 4]; 2],
+    /// Derivatives of t_k·u with respect to the positions of the nodes at the end of the step, without terms of the order of u.
+    pub change: [[Vec3; 4]; 2],
     /// Components of the direction of T along t₁ and t₂ if the pair slides; `None` if it sticks.
     pub sliding: Option<[f64; 2]>,
     /// The traction as a function of slip.
@@ -332,6 +334,7 @@ impl Contact<'_> {
             stiffness: held.stiffness,
             tangents: slip.tangents,
             along: slip.tangents.map(|tangent| slip.gradient(tangent)),
+            change: slip.tangents.map(|tangent| slip.change(tangent)),
             sliding: held.sliding,
             cone: held.cone,
             rubbing: held.rubbing(partners),

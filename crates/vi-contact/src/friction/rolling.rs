@@ -13,6 +13,8 @@
 //! resultant or moment, and act at the point of contact. A step of pure rolling has no slip: by Cayley's map Δd_k = ω
 //! × d_k(x_m), so that u = Δc + ω × (z − c).
 
+mod change;
+
 use nalgebra::Matrix3;
 
 use super::{Anchor, Anchors, BristleStep, Bristles, Pressed, resolution};
@@ -54,11 +56,26 @@ struct Axis {
     weights: [f64; 4],
 }
 
+/// The point z where a pair touches: a closest point of one side, or `offset` n before it.
+struct Touch {
+    /// 0 if it is measured from the closest point of the first side, 1 if it is that of the second.
+    side: usize,
+    /// Distance from that point, m, and its change with the distance of both points.
+    offset: f64,
+    share: f64,
+}
+
+impl Touch {
+    fn place(&self, axis: &Axis) -> Vec3 {
+        axis.places[self.side] - axis.normal * self.offset
+    }
+}
+
 impl Contact<'_> {
     /// Returns the four nodes that carry each side of a pair, repeated if there are fewer.
     pub(crate) fn rolling_nodes(&self, partners: Partners, cell: u32) -> [u32; 8] {
         let surface = self.surface;
-        let (nodes, bodies) = (self.pair_nodes(partners, cell), surface.bodies_of(partners));
+        let (nodes, bodies) = (self.axis_nodes(partners, cell), surface.bodies_of(partners));
         let first = partners.first_count();
         let own = match first {
             1 => [[nodes[0]; 4], [nodes[1], nodes[2], nodes[3], nodes[3]]],
@@ -69,8 +86,8 @@ impl Contact<'_> {
         [a, b, c, d, e, f, g, h]
     }
 
-    /// Returns the nodes of a pair, the last one repeated.
-    fn pair_nodes(&self, partners: Partners, cell: u32) -> [u32; 4] {
+    /// Returns the nodes of a pair, which determine its axis, the last one repeated.
+    pub(crate) fn axis_nodes(&self, partners: Partners, cell: u32) -> [u32; 4] {
         let surface = self.surface;
         match partners {
             Partners::PointBody(point, _) => {
@@ -86,7 +103,7 @@ impl Contact<'_> {
     }
 
     fn axis(&self, partners: Partners, cell: u32, x: &impl Fn(u32) -> Vec3) -> Option<Axis> {
-        let nodes = self.pair_nodes(partners, cell);
+        let nodes = self.axis_nodes(partners, cell);
         let positions = nodes.map(x);
         let closest = match partners {
             Partners::PointPlane(_, plane) => {
@@ -123,7 +140,7 @@ impl Contact<'_> {
         if let Some([_, directors @ ..]) = self.surface.frames[second as usize] {
             return directors.map(x);
         }
-        let nodes = self.pair_nodes(partners, cell);
+        let nodes = self.axis_nodes(partners, cell);
         let first = partners.first_count();
         let (a, b) = (x(nodes[first]), x(nodes[first + 1]));
         if first == 2 {
@@ -211,6 +228,25 @@ impl Contact<'_> {
         })
     }
 
+    fn touch(&self, partners: Partners, axis: &Axis) -> Touch {
+        let bodies = self.surface.bodies_of(partners);
+        let radii = bodies.map(|body| self.surface.laws.bodies[body as usize].radius);
+        let [first, second] = axis.places;
+        match bodies.map(|body| self.surface.frames[body as usize]) {
+            [Some(_), Some(_)] => {
+                let gap = axis.normal.dot(&(first - second)) - radii[0] - radii[1];
+                let share = match radii.map(|radius| radius > 0.0) {
+                    [true, true] => 0.5,
+                    [true, false] => 0.0,
+                    [false, _] => 1.0,
+                };
+                Touch { side: 0, offset: radii[0] + share * gap, share }
+            }
+            [Some(_), None] => Touch { side: 1, offset: 0.0, share: 0.0 },
+            [None, _] => Touch { side: 0, offset: 0.0, share: 0.0 },
+        }
+    }
+
     /// Returns the weights of the point of contact on both sides, those of the second with the opposite sign.
     fn weights(
         &self,
@@ -222,21 +258,7 @@ impl Contact<'_> {
         let surface = self.surface;
         let bodies = surface.bodies_of(partners);
         let frames = bodies.map(|body| surface.frames[body as usize]);
-        let radii = bodies.map(|body| surface.laws.bodies[body as usize].radius);
-        let [first, second] = axis.places;
-        let place = match frames {
-            [Some(_), Some(_)] => {
-                let gap = axis.normal.dot(&(first - second)) - radii[0] - radii[1];
-                let share = match radii.map(|radius| radius > 0.0) {
-                    [true, true] => 0.5,
-                    [true, false] => 0.0,
-                    [false, _] => 1.0,
-                };
-                first - axis.normal * (radii[0] + share * gap)
-            }
-            [Some(_), None] => second,
-            [None, _] => first,
-        };
+        let place = self.touch(partners, axis).place(axis);
         let count = partners.first_count();
         let arity = self.arity(partners, cell);
         let mut weights = [0.0; 8];
@@ -287,131 +309,4 @@ fn carry(stretch: [f64; 2], directions: [Vec3; 2], normal: Vec3) -> [f64; 2] {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::BTreeMap;
-
-    use nalgebra::Rotation3;
-
-    use super::*;
-    use crate::broad_phase::Neighbours;
-    use crate::pairs::StepPair;
-    use crate::surface::{Body, Surface, SurfaceBuilder};
-    use crate::testing::Numbers;
-
-    /// Returns a ball (skeleton 0, frame 1–4) over a capsule (skeleton 5 and 6, frame 7–10) over a triangle (11–13).
-    fn round_bodies() -> (Surface, Vec<f64>) {
-        let frame = |c: [f64; 3]| [c, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].concat();
-        let x = [
-            [0.1, 0.02, 0.515].to_vec(),
-            frame([0.1, 0.02, 0.515]),
-            [-0.3, 0.0, 0.105, 0.3, 0.0, 0.105].to_vec(),
-            frame([0.0, 0.0, 0.105]),
-            [-2.0, -1.0, 0.0, 2.0, -1.0, 0.0, 0.0, 2.0, 0.0].to_vec(),
-        ]
-        .concat();
-        let mut builder = SurfaceBuilder::new(&x);
-        let body = |radius| Body { radius, distance: 0.05, stiffness: 1e5, meets_itself: false };
-        let bodies = [0.3, 0.1, 0.0].map(|radius| builder.body(body(radius)));
-        builder.point(bodies[0], 0, 0.01);
-        builder.frame(bodies[0], [1, 2, 3, 4]);
-        builder.segment(bodies[1], [5, 6], 0.01);
-        builder.frame(bodies[1], [7, 8, 9, 10]);
-        builder.triangles(bodies[2], &[[11, 12, 13]]);
-        builder.friction(0.3);
-        (builder.build().expect("a valid surface"), x)
-    }
-
-    /// Moves node `c`, its directors and the skeleton by a rotation about c and a translation.
-    fn moved(x: &mut [f64], c: usize, skeleton: &[usize], turn: Rotation3<f64>, shift: Vec3) {
-        let centre = at(x, c as u32);
-        let mut set = |node: usize, place: Vec3| x[3 * node..3 * node + 3].copy_from_slice(place.as_slice());
-        let place = |x: Vec3| centre + turn * (x - centre) + shift;
-        set(c, centre + shift);
-        (1..4).for_each(|k| set(c + k, turn * Vec3::ith(k - 1, 1.0)));
-        let own: Vec<Vec3> =
-            skeleton
-                .iter()
-                .map(|&node| {
-                    if node == 0 { centre } else { Vec3::new(if node == 5 { -0.3 } else { 0.3 }, 0.0, 0.105) }
-                })
-                .collect();
-        skeleton.iter().zip(own).for_each(|(&node, own)| set(node, place(own)));
-    }
-
-    fn rolling(contact: &Contact<'_>, x: [&[f64]; 2], anchors: &Anchors) -> Vec<RollingPair> {
-        let settings = StepSettings::over(1e-3);
-        let mut pressed: BTreeMap<Partners, Vec3> = BTreeMap::new();
-        for pair in contact.step(x[0], x[1], &settings) {
-            *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += StepPair::force(&pair);
-        }
-        let roll = |(partners, force): (Partners, Vec3)| {
-            contact.roll(partners, Pressed::by(force.norm()), x, anchors, &settings)
-        };
-        pressed.into_iter().filter_map(roll).collect()
-    }
-
-    /// The work of friction is T·u, and the forces have neither a resultant nor a moment, however the bodies rotate.
-    #[test]
-    fn friction_of_round_bodies_keeps_both_momenta() {
-        let (surface, rest) = round_bodies();
-        let neighbours = Neighbours::find(&surface, &rest, 1.0);
-        let contact = Contact { surface: &surface, neighbours: &neighbours };
-        let (mut numbers, mut anchors, mut count) = (Numbers::new(31), Anchors::default(), 0);
-        for _ in 0..500 {
-            let mut ends = [rest.clone(), rest.clone()];
-            for x in &mut ends {
-                let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
-                // Gaps of 10 and 5 mm stay open at the largest of these motions.
-                let turns = [turn(0.5), turn(0.01)];
-                moved(x, 1, &[0], turns[0], numbers.vector() * 0.005);
-                moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
-            }
-            let x = [ends[0].as_slice(), ends[1].as_slice()];
-            let pairs = rolling(&contact, x, &anchors);
-            for pair in &pairs {
-                let nodes = contact.rolling_nodes(pair.partners, pair.cell);
-                let (mut work, mut force, mut torque) = (0.0, Vec3::zeros(), Vec3::zeros());
-                for (&node, weight) in nodes.iter().zip(pair.weights) {
-                    let gradient = pair.held.traction * weight;
-                    work += gradient.dot(&(at(x[1], node) - at(x[0], node)));
-                    torque += ((at(x[0], node) + at(x[1], node)) * 0.5).cross(&gradient);
-                    // Directors are differences of positions: only points c and the nodes of triangles carry a
-                    // resultant force.
-                    if !matches!(node, 2..=4 | 8..=10) {
-                        force += gradient;
-                    }
-                }
-                let size = pair.held.traction.norm();
-                assert!((work - pair.held.traction.dot(&pair.slip)).abs() <= 1e-13 * size.max(1.0));
-                assert!(
-                    force.norm() <= 1e-13 * size && torque.norm() <= 1e-13 * size,
-                    "{force:?} {torque:?}"
-                );
-                assert!(pair.held.dissipated >= 0.0);
-                count += 1;
-            }
-            anchors = Anchors::stretched(pairs.iter().map(|pair| pair.anchor));
-        }
-        assert!(count > 1000, "{count}");
-    }
-
-    /// A ball that rolls on a fixed triangle has no slip: Cayley's rotation by 2 tan(θ/2) about the point of contact.
-    #[test]
-    fn a_step_of_rolling_has_no_slip() {
-        let (surface, mut rest) = round_bodies();
-        moved(&mut rest, 7, &[5, 6], Rotation3::identity(), Vec3::new(0.0, 0.0, 50.0));
-        let height = 0.34;
-        let drop = height - rest[2];
-        moved(&mut rest, 1, &[0], Rotation3::identity(), Vec3::new(0.0, 0.0, drop));
-        let neighbours = Neighbours::find(&surface, &rest, 1.0);
-        let contact = Contact { surface: &surface, neighbours: &neighbours };
-        let mut x1 = rest.clone();
-        let angle = 0.2_f64;
-        let way = height * 2.0 * (0.5 * angle).tan();
-        let turn = Rotation3::from_axis_angle(&Vec3::y_axis(), angle);
-        moved(&mut x1, 1, &[0], turn, Vec3::new(way, 0.0, 0.0));
-        let pairs = rolling(&contact, [&rest, &x1], &Anchors::default());
-        assert!(!pairs.is_empty());
-        assert!(pairs.iter().all(|pair| pair.slip.norm() < 1e-15), "{pairs:?}");
-    }
-}
+mod tests;

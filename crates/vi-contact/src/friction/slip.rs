@@ -12,7 +12,9 @@
 //! ```text
 //! T·u = Σ_k y_k (E_k·Δr + r·ΔE_k) + Σ_kl y_k ξ̄_l (E_k·ΔE_l + E_l·ΔE_k),   all at x_m.
 //! ```
-//! The coefficients of Δx_a are forces without resultant or moment. The usual slip, the difference of two velocities
+//! The coefficients of Δx_a are forces without resultant or moment. With r, E, A and ξ of the end of the step instead of the middle, but
+//! y still from E_k(x_m), they are the derivative of T·u with respect to x₁, but for terms of the order of u. The difference is that of
+//! r, and thus great if the parts approach each other by much more than their gap. The usual slip, the difference of two velocities
 //! at points a distance d apart, mistakes rotation for a slip d|ω| and produces the moment d × T.
 
 use crate::distance::{Shape, Vec3, at, combine};
@@ -31,15 +33,39 @@ pub(super) struct Slip {
     pub(super) tangents: [Vec3; 2],
     /// Weights of the contact point on both parts.
     pub(super) weights: [f64; 4],
-    frame: Frame,
+    /// `None` if the tangents do not rotate: over a half-space.
+    frame: Option<Frame>,
 }
 
+/// The convected coordinates of a pair in the middle and at the end of a step.
 #[derive(Debug, Clone, Copy)]
-enum Frame {
-    /// The tangents do not rotate: a half-space.
-    Fixed,
-    /// The kind of pair, r and E at x_m, Ā⁻¹ and ξ̄.
-    Convected { shape: Shape, r: Vec3, e: [Vec3; 2], inverse: [[f64; 2]; 2], mean: [f64; 2] },
+struct Frame {
+    shape: Shape,
+    middle: Convected,
+    end: Convected,
+}
+
+/// Convected coordinates of a pair: r, E, A⁻¹ and ξ.
+#[derive(Debug, Clone, Copy)]
+struct Convected {
+    r: Vec3,
+    e: [Vec3; 2],
+    inverse: [[f64; 2]; 2],
+    xi: [f64; 2],
+}
+
+impl Convected {
+    /// Returns the coefficients of Δx_a for a traction with the products T·E_k(x_m).
+    fn coefficients(&self, shape: Shape, along_e: [f64; 2]) -> [Vec3; 4] {
+        let Self { r, e, inverse, xi } = self;
+        let y = multiply(inverse, along_e);
+        let by_r = e[0] * y[0] + e[1] * y[1];
+        let along = e[0] * xi[0] + e[1] * xi[1];
+        // Σ_l (y_k ξ_l + y_l ξ_k) E_l = y_k Σ ξ_l E_l + ξ_k Σ y_l E_l.
+        let by_e = [0, 1].map(|k: usize| (r + along) * y[k] + by_r * xi[k]);
+        let (to_r, to_e, _) = pattern(shape);
+        [0, 1, 2, 3].map(|a: usize| by_r * to_r[a] + by_e[0] * to_e[0][a] + by_e[1] * to_e[1][a])
+    }
 }
 
 /// Returns the weights of r and of E_k for the nodes of a pair, and the number of E_k.
@@ -53,7 +79,7 @@ fn pattern(shape: Shape) -> ([f64; 4], [[f64; 4]; 2], usize) {
 }
 
 /// Returns A⁻¹ for one or two directions.
-fn invert(a: [[f64; 2]; 2], count: usize) -> Option<[[f64; 2]; 2]> {
+pub(super) fn invert(a: [[f64; 2]; 2], count: usize) -> Option<[[f64; 2]; 2]> {
     if count == 1 {
         return (a[0][0] > 0.0).then(|| [[1.0 / a[0][0], 0.0], [0.0; 2]]);
     }
@@ -64,7 +90,7 @@ fn invert(a: [[f64; 2]; 2], count: usize) -> Option<[[f64; 2]; 2]> {
     })
 }
 
-fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
+pub(super) fn multiply(a: &[[f64; 2]; 2], v: [f64; 2]) -> [f64; 2] {
     [a[0][0] * v[0] + a[0][1] * v[1], a[1][0] * v[0] + a[1][1] * v[1]]
 }
 
@@ -97,10 +123,10 @@ impl Slip {
         let gram =
             |e: &[Vec3; 2]| [[e[0].norm_squared(), e[0].dot(&e[1])], [e[0].dot(&e[1]), e[1].norm_squared()]];
         let grams = [gram(&e[0]), gram(&e[1])];
-        let mut xi = [[0.0; 2]; 2];
+        let (mut xi, mut inverses) = ([[0.0; 2]; 2], [[[0.0; 2]; 2]; 2]);
         for end in 0..2 {
-            let inverse = invert(grams[end], count)?;
-            xi[end] = multiply(&inverse, e[end].map(|e| -e.dot(&r[end])));
+            inverses[end] = invert(grams[end], count)?;
+            xi[end] = multiply(&inverses[end], e[end].map(|e| -e.dot(&r[end])));
         }
         let mean = [0, 1].map(|k: usize| 0.5 * (xi[0][k] + xi[1][k]));
         let middle = [0, 1].map(|k: usize| (e[0][k] + e[1][k]) * 0.5);
@@ -117,8 +143,19 @@ impl Slip {
         let second = middle[0].cross(&middle[1]).cross(&first);
         let second = if count == 2 { second.normalize() } else { Vec3::zeros() };
         let weights = [0, 1, 2, 3].map(|a: usize| to_r[a] + mean[0] * to_e[0][a] + mean[1] * to_e[1][a]);
-        let frame = Frame::Convected { shape, r: (r[0] + r[1]) * 0.5, e: middle, inverse, mean };
-        Some(Self { arity: shape.arity(), nodes, slip, tangents: [first, second], weights, frame })
+        let frame = Frame {
+            shape,
+            middle: Convected { r: (r[0] + r[1]) * 0.5, e: middle, inverse, xi: mean },
+            end: Convected { r: r[1], e: e[1], inverse: inverses[1], xi: xi[1] },
+        };
+        Some(Self {
+            arity: shape.arity(),
+            nodes,
+            slip,
+            tangents: [first, second],
+            weights,
+            frame: Some(frame),
+        })
     }
 
     /// Returns the slip of node 0 over a half-space that moves with node 1.
@@ -129,20 +166,78 @@ impl Slip {
         let first = normal.cross(&Vec3::ith(axis, 1.0)).normalize();
         let tangents = [first, normal.cross(&first)];
         let slip = relative - normal * normal.dot(&relative);
-        Self { arity: 2, nodes, slip, tangents, weights: [1.0, -1.0, 0.0, 0.0], frame: Frame::Fixed }
+        Self { arity: 2, nodes, slip, tangents, weights: [1.0, -1.0, 0.0, 0.0], frame: None }
     }
 
     /// Returns G_a with Σ G·Δx = T·u for a traction T along the tangents.
     pub(super) fn gradient(&self, traction: Vec3) -> [Vec3; 4] {
-        let Frame::Convected { shape, r, e, inverse, mean } = self.frame else {
+        self.coefficients(traction, |middle, _| middle)
+    }
+
+    /// Returns the derivative of T·u with respect to the positions of the nodes at the end of the step, for a traction T along the
+    /// tangents, without terms of the order of u.
+    pub(super) fn change(&self, traction: Vec3) -> [Vec3; 4] {
+        self.coefficients(traction, |_, end| end)
+    }
+
+    fn coefficients(&self, traction: Vec3, place: impl Fn(Convected, Convected) -> Convected) -> [Vec3; 4] {
+        let Some(Frame { shape, middle, end }) = self.frame else {
             return [traction, -traction, Vec3::zeros(), Vec3::zeros()];
         };
-        let y = multiply(&inverse, e.map(|e| e.dot(&traction)));
-        let by_r = e[0] * y[0] + e[1] * y[1];
-        let along = e[0] * mean[0] + e[1] * mean[1];
-        // Σ_l (y_k ξ̄_l + y_l ξ̄_k) E_l = y_k Σ ξ̄_l E_l + ξ̄_k Σ y_l E_l.
-        let by_e = [0, 1].map(|k: usize| (r + along) * y[k] + by_r * mean[k]);
-        let (to_r, to_e, _) = pattern(shape);
-        [0, 1, 2, 3].map(|a: usize| by_r * to_r[a] + by_e[0] * to_e[0][a] + by_e[1] * to_e[1][a])
+        place(middle, end).coefficients(shape, middle.e.map(|e| e.dot(&traction)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::Numbers;
+
+    /// The derivative of T·u is exact for a pair that sticks, however far its parts approach and turn within the step.
+    #[test]
+    fn the_change_of_slip_is_its_derivative_where_there_is_none() {
+        let mut numbers = Numbers::new(23);
+        let shapes = [
+            (Shape::PointEdge, [0, 1, 2, 2]),
+            (Shape::PointTriangle, [0, 1, 2, 3]),
+            (Shape::EdgeEdge, [0, 1, 2, 3]),
+        ];
+        let rest = [
+            [0.3, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0, 0.1, 0.0, 0.2, 1.0, 0.0],
+            [-0.5, 0.1, 0.3, 0.6, 0.0, 0.3, 0.0, -0.5, 0.0, 0.1, 0.6, 0.0],
+        ];
+        let mut largest = 0.0_f64;
+        for round in 0..300 {
+            let (shape, nodes) = shapes[round % 3];
+            let rest = rest[usize::from(shape == Shape::EdgeEdge)];
+            let mut shake = |size: f64| rest.map(|x| x + size * (numbers.unit() - 0.5));
+            let (start, mut end) = (shake(0.2), shake(0.3));
+            let slip =
+                |end: &[f64]| Slip::new(shape, nodes, [nodes.len() - 3, nodes.len() - 2], [&start, end]);
+            for _ in 0..100 {
+                let Some(found) = slip(&end) else { break };
+                for node in 0..shape.first_count() {
+                    (0..3).for_each(|k| end[3 * node + k] -= found.slip[k]);
+                }
+            }
+            let found = slip(&end).expect("a pair with a frame");
+            assert!(found.slip.norm() < 1e-12, "{shape:?}: {:?}", found.slip);
+            let direction = end.map(|_| numbers.unit() - 0.5);
+            let along = |by: f64| {
+                let end: Vec<f64> = end.iter().zip(direction).map(|(x, d)| x + by * d).collect();
+                slip(&end).expect("a pair with a frame").slip
+            };
+            let slope = (along(1e-6) - along(-1e-6)) / 2e-6;
+            for tangent in found.tangents {
+                let product = |covectors: [Vec3; 4]| -> f64 {
+                    (0..shape.arity()).map(|a| covectors[a].dot(&at(&direction, nodes[a]))).sum()
+                };
+                let (exact, expected) = (product(found.change(tangent)), tangent.dot(&slope));
+                assert!((exact - expected).abs() < 1e-7, "{shape:?}: {exact:e} {expected:e}");
+                largest = largest.max((product(found.gradient(tangent)) - expected).abs());
+            }
+        }
+        // The coefficients of the force differ from it.
+        assert!(largest > 1e-2, "{largest:e}");
     }
 }

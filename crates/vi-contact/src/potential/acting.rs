@@ -33,6 +33,9 @@ pub(super) struct Sliding<'a> {
     pub(super) nodes: &'a [u32],
     /// Covectors g¹ and g² with Σ_a gᵏ_a·Δx_a = t_k·u.
     pub(super) along: [&'a [Vec3]; 2],
+    /// Derivatives of t_k·u with respect to x₁, and the nodes to which they belong.
+    pub(super) change_nodes: &'a [u32],
+    pub(super) change: [&'a [Vec3]; 2],
     /// Stiffness k of the traction, N/m.
     pub(super) stiffness: f64,
     /// Components of the direction of the traction along t₁ and t₂ if the pair slides; `None` if it sticks.
@@ -44,28 +47,28 @@ pub(super) struct Sliding<'a> {
 impl Sliding<'_> {
     /// Adds the tangents of friction under the normal force of `pairs`.
     pub(super) fn add_tangents(&self, pairs: &[StepPair], out: &mut Acting) {
-        let Self { nodes, along: [first, second], stiffness, .. } = *self;
-        let combined = |a: f64, b: f64| -> Vec<Vec3> {
+        let Self { nodes, stiffness, change_nodes, .. } = *self;
+        let combined = |[first, second]: [&[Vec3]; 2], a: f64, b: f64| -> Vec<Vec3> {
             first.iter().zip(second).map(|(first, second)| first * a + second * b).collect()
         };
         let Some([a, b]) = self.direction else {
-            for (k, along) in self.along.into_iter().enumerate() {
+            for (k, (along, change)) in self.along.into_iter().zip(self.change).enumerate() {
                 let mut direction = [0.0; 2];
                 direction[k] = stiffness;
-                let right = covector(nodes, along, 1.0);
+                let right = covector(change_nodes, change, 1.0);
                 out.add_friction_tangent(direction, covector(nodes, along, stiffness), right);
             }
             return;
         };
         // If a pair slides, its traction rotates with the slip and grows with the pressure.
-        let across = combined(-b, a);
+        let [across, change] = [self.along, self.change].map(|vectors| combined(vectors, -b, a));
         let direction = [-stiffness * b, stiffness * a];
         out.add_friction_tangent(
             direction,
             covector(nodes, &across, stiffness),
-            covector(nodes, &across, 1.0),
+            covector(change_nodes, &change, 1.0),
         );
-        let traction = combined(a, b);
+        let traction = combined(self.along, a, b);
         let force: Vec3 = pairs.iter().map(StepPair::force).sum();
         let pressure = force.norm();
         if pressure == 0.0 {
@@ -176,12 +179,16 @@ impl ContactPotential {
         let pressed = Pressed { force: pressing(pairs), iterate: Some(out) };
         let friction = self.contact().rub(partners, pressed, x, anchors, settings);
         let Some(pair) = &friction else { return };
-        let FrictionPair { nodes, gradient, along, stiffness, sliding, coefficient, traction, .. } = pair;
+        let FrictionPair {
+            nodes, gradient, along, change, stiffness, sliding, coefficient, traction, ..
+        } = pair;
         if *traction != Vec3::zeros() || *stiffness != 0.0 {
             out.add_friction(pair.rubbing, covector(nodes, gradient, 1.0));
             let sliding = Sliding {
                 nodes,
                 along: [&along[0], &along[1]],
+                change_nodes: nodes,
+                change: [&change[0], &change[1]],
                 stiffness: *stiffness,
                 direction: *sliding,
                 coefficient: *coefficient,

@@ -126,9 +126,13 @@ impl RollingPotential {
             nodes.into_iter().zip(gradient.map(|vector| vector.into())),
         );
         let along = pair.tangents.map(spread);
+        let axis_nodes = contact.axis_nodes(partners, pair.cell);
+        let Some(change) = contact.rolling_change(&pair, x) else { return };
         let sliding = Sliding {
             nodes: &nodes,
             along: [&along[0], &along[1]],
+            change_nodes: &[&nodes[..], &axis_nodes].concat(),
+            change: [&change[0], &change[1]],
             stiffness: pair.held.stiffness,
             direction: pair.held.sliding,
             coefficient: law.friction,
