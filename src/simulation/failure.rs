@@ -70,7 +70,8 @@ impl Simulation {
         let place = 3 * nodes[0][0] as usize;
         let parts = nodes.map(|nodes| part_in_words(&self.bodies, &self.rigids, number, &nodes));
         let bodies = bodies.map(|body| contact.number_of(body));
-        let way_out = self.way_out(bodies, gap / distance);
+        let names_step = matches!(cause, SolverError::UnresolvedContact { .. });
+        let way_out = self.way_out(bodies, gap / distance, names_step);
         let bodies = bodies.map(|body| name_of(&self.scene, body).to_owned());
         Some(PairInContact {
             bodies,
@@ -82,8 +83,9 @@ impl Simulation {
         })
     }
 
-    /// Returns what to write in a scene whose step fails at two bodies. `gap` is relative to the layer.
-    fn way_out(&self, bodies: [usize; 2], gap: f64) -> String {
+    /// Returns what to write in a scene whose step fails at two bodies. `gap` is relative to the layer; if `names_step`, the error itself
+    /// names another step and other schemes.
+    fn way_out(&self, bodies: [usize; 2], gap: f64, names_step: bool) -> String {
         let [first, second] = bodies.map(|body| name_of(&self.scene, body));
         let mut ways = Vec::new();
         for body in bodies {
@@ -109,12 +111,13 @@ impl Simulation {
             ));
             ways.push("if they are to slide, step time instead (without [static])".to_owned());
         }
-        ways.push(match self.scene.statics.is_some() {
-            true => "load in smaller increments (`time.step`)".to_owned(),
-            false => format!("shorten `time.step` ({:e} s)", self.h),
-        });
+        if self.scene.statics.is_some() {
+            ways.push("load in smaller increments (`time.step`)".to_owned());
+        } else if !names_step {
+            ways.push(format!("shorten `time.step` ({:e} s)", self.h));
+        }
         let takes_any_step = self.method.facts().accepts.dissipative_terms;
-        if !takes_any_step && self.scene.statics.is_none() {
+        if !takes_any_step && !names_step && self.scene.statics.is_none() {
             ways.push("use energy-momentum, which need not resolve contact".to_owned());
         }
         let dissipates = self.scene.contact.as_ref().is_some_and(|contact| contact.damping > 0.0);
