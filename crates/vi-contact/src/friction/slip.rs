@@ -54,18 +54,23 @@ struct Convected {
     xi: [f64; 2],
 }
 
-impl Convected {
-    /// Returns the coefficients of Δx_a for a traction with the products T·E_k(x_m).
-    fn coefficients(&self, shape: Shape, along_e: [f64; 2]) -> [Vec3; 4] {
-        let Self { r, e, inverse, xi } = self;
-        let y = multiply(inverse, along_e);
+impl Frame {
+    /// Returns the coefficients of Δx_a in T·u, with y from the middle of the step and everything else from `place`.
+    fn coefficients(&self, place: &Convected, traction: Vec3) -> [Vec3; 4] {
+        let Convected { r, e, inverse, xi } = place;
+        let y = multiply(inverse, self.middle.e.map(|e| e.dot(&traction)));
         let by_r = e[0] * y[0] + e[1] * y[1];
         let along = e[0] * xi[0] + e[1] * xi[1];
         // Σ_l (y_k ξ_l + y_l ξ_k) E_l = y_k Σ ξ_l E_l + ξ_k Σ y_l E_l.
         let by_e = [0, 1].map(|k: usize| (r + along) * y[k] + by_r * xi[k]);
-        let (to_r, to_e, _) = pattern(shape);
+        let (to_r, to_e, _) = pattern(self.shape);
         [0, 1, 2, 3].map(|a: usize| by_r * to_r[a] + by_e[0] * to_e[0][a] + by_e[1] * to_e[1][a])
     }
+}
+
+/// Returns G_a over a half-space.
+fn over_half_space(traction: Vec3) -> [Vec3; 4] {
+    [traction, -traction, Vec3::zeros(), Vec3::zeros()]
 }
 
 /// Returns the weights of r and of E_k for the nodes of a pair, and the number of E_k.
@@ -171,20 +176,19 @@ impl Slip {
 
     /// Returns G_a with Σ G·Δx = T·u for a traction T along the tangents.
     pub(super) fn gradient(&self, traction: Vec3) -> [Vec3; 4] {
-        self.coefficients(traction, |middle, _| middle)
+        match &self.frame {
+            Some(frame) => frame.coefficients(&frame.middle, traction),
+            None => over_half_space(traction),
+        }
     }
 
     /// Returns the derivative of T·u with respect to the positions of the nodes at the end of the step, for a traction T along the
     /// tangents, without terms of the order of u.
     pub(super) fn change(&self, traction: Vec3) -> [Vec3; 4] {
-        self.coefficients(traction, |_, end| end)
-    }
-
-    fn coefficients(&self, traction: Vec3, place: impl Fn(Convected, Convected) -> Convected) -> [Vec3; 4] {
-        let Some(Frame { shape, middle, end }) = self.frame else {
-            return [traction, -traction, Vec3::zeros(), Vec3::zeros()];
-        };
-        place(middle, end).coefficients(shape, middle.e.map(|e| e.dot(&traction)))
+        match &self.frame {
+            Some(frame) => frame.coefficients(&frame.end, traction),
+            None => over_half_space(traction),
+        }
     }
 }
 
