@@ -70,7 +70,8 @@ pub trait Stepper: Send {
         Err(SolverError::Memory { missing: "a state to go back to" })
     }
 
-    /// Marks the present state: [`Stepper::return_to_mark`] goes back to it. Replaces the last mark.
+    /// Marks the present state: [`Stepper::return_to_mark`] goes back to it. Replaces the last mark. Explicit schemes do nothing: they
+    /// must not make steps with contact again in another number.
     fn mark(&mut self) {}
 
     /// Takes back what live terms remember of the steps since [`Stepper::mark`]: friction, and impulses and gaps that were not taken.
