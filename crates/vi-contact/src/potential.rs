@@ -363,8 +363,7 @@ impl Potential for ContactPotential {
         places: [&[f64]; 2],
         acting: &Acting,
     ) -> Option<Arc<dyn Potential>> {
-        let step = Step::new(span, memory, &self.surface).filter(|step| step.settings.acts_at_end)?;
-        self.lagged_at(&step, places, acting)
+        self.lagged_at((span, memory), places, acting)
     }
 
     fn limits_steps(&self) -> bool {

@@ -12,12 +12,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, Acting, HessianKind, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, Acting, HessianKind, Potential, Stencils, StepSpan, Traits, packed_len};
 
 use super::ContactPotential;
 use super::acting::pressing;
 use crate::distance::{Vec3, at};
 use crate::friction::{Cone, Pressed, Step};
+use crate::pairs::Partners;
 
 /// The friction of a pair of N nodes.
 #[derive(Debug, Clone)]
@@ -51,21 +52,34 @@ impl<const N: usize> Lagged<N> {
 }
 
 impl<const N: usize> LaggedFriction<N> {
-    pub(super) fn new() -> Self {
-        Self { nodes: Vec::new(), pairs: Vec::new() }
+    /// Returns the friction over a step between two places, as a potential of the second one, of all pairs of a contact that press on each
+    /// other there. `friction` returns the nodes of a pair, the covectors of its slip and its law. Returns `None` if no pair has friction, or
+    /// if the forces of the step do not act at its end.
+    pub(super) fn over_step(
+        contact: &ContactPotential,
+        (span, memory): (StepSpan, &[f64]),
+        end: &[f64],
+        acting: &Acting,
+        friction: impl Fn(&Step, Partners, Pressed<'_>) -> Option<([u32; N], [[Vec3; N]; 2], Cone)>,
+    ) -> Option<Arc<dyn Potential>> {
+        let step = Step::new(span, memory, contact.surface()).filter(|step| step.settings.acts_at_end)?;
+        let mut lagged = Self { nodes: Vec::new(), pairs: Vec::new() };
+        let pairs = contact.contact().step(end, end, &step.settings);
+        for pairs in pairs.chunk_by(|a, b| a.partners == b.partners) {
+            let pressed = Pressed { force: pressing(pairs), iterate: Some(acting) };
+            if let Some((nodes, along, cone)) = friction(&step, pairs[0].partners, pressed) {
+                lagged.push(nodes, along, cone, end);
+            }
+        }
+        (!lagged.pairs.is_empty()).then(|| Arc::new(lagged) as Arc<dyn Potential>)
     }
 
     /// Adds a pair of `nodes`, the last of which is repeated, with the covectors of its slip at x̂.
-    pub(super) fn push(&mut self, nodes: [u32; N], along: [[Vec3; N]; 2], cone: Cone, x: &[f64]) {
+    fn push(&mut self, nodes: [u32; N], along: [[Vec3; N]; 2], cone: Cone, x: &[f64]) {
         if cone.limit > 0.0 {
             self.nodes.extend(nodes);
             self.pairs.push(Lagged { origin: nodes.map(|node| at(x, node)), along, cone });
         }
-    }
-
-    /// Returns the potential; `None` if no pair has friction.
-    pub(super) fn into_potential(self) -> Option<Arc<dyn Potential>> {
-        (!self.pairs.is_empty()).then(|| Arc::new(self) as Arc<dyn Potential>)
     }
 
     fn of(&self, pair: usize) -> (&[u32], &Lagged<N>) {
@@ -77,21 +91,17 @@ impl ContactPotential {
     /// See [`Potential::lagged_friction`](vi_core::Potential::lagged_friction).
     pub(super) fn lagged_at(
         &self,
-        step: &Step,
-        [start, end]: [&[f64]; 2],
+        step: (StepSpan, &[f64]),
+        places: [&[f64]; 2],
         acting: &Acting,
     ) -> Option<Arc<dyn Potential>> {
-        let (Step { settings, anchors }, contact) = (step, self.contact());
-        let pairs = contact.step(end, end, settings);
-        let mut lagged = LaggedFriction::<4>::new();
-        for pairs in pairs.chunk_by(|a, b| a.partners == b.partners) {
-            let pressed = Pressed { force: pressing(pairs), iterate: Some(acting) };
-            let friction = contact.rub(pairs[0].partners, pressed, [start, end], anchors, settings);
-            let Some(pair) = friction else { continue };
+        let contact = self.contact();
+        let friction = |Step { settings, anchors }: &Step, partners: Partners, pressed: Pressed<'_>| {
+            let pair = contact.rub(partners, pressed, places, anchors, settings)?;
             let nodes = [0, 1, 2, 3].map(|a: usize| pair.nodes[a.min(pair.arity - 1)]);
-            lagged.push(nodes, pair.along, pair.cone, end);
-        }
-        lagged.into_potential()
+            Some((nodes, pair.along, pair.cone))
+        };
+        LaggedFriction::over_step(self, step, places[1], acting, friction)
     }
 }
 

@@ -228,22 +228,16 @@ impl Potential for RollingPotential {
         &self,
         span: StepSpan,
         memory: &[f64],
-        [start, end]: [&[f64]; 2],
+        places: [&[f64]; 2],
         acting: &Acting,
     ) -> Option<Arc<dyn Potential>> {
-        let step = Step::new(span, memory, self.contact.surface());
-        let Step { settings, anchors } = step.filter(|step| step.settings.acts_at_end)?;
         let contact = self.contact.contact();
-        let pairs = contact.step(end, end, &settings);
-        let mut lagged = LaggedFriction::<ARITY>::new();
-        for pairs in pairs.chunk_by(|a, b| a.partners == b.partners) {
-            let pressed = Pressed { force: pressing(pairs), iterate: Some(acting) };
-            let rolling = contact.roll(pairs[0].partners, pressed, [start, end], &anchors, &settings);
-            let Some(pair) = rolling else { continue };
+        let friction = |step: &Step, partners: Partners, pressed: Pressed<'_>| {
+            let pair = contact.roll(partners, pressed, places, &step.anchors, &step.settings)?;
             let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
-            lagged.push(contact.rolling_nodes(pair.partners, pair.cell), along, pair.held.cone, end);
-        }
-        lagged.into_potential()
+            Some((contact.rolling_nodes(pair.partners, pair.cell), along, pair.held.cone))
+        };
+        LaggedFriction::over_step(&self.contact, (span, memory), places[1], acting, friction)
     }
 
     fn narrowed(&self, tube: &Tube) -> Option<Arc<dyn Potential>> {

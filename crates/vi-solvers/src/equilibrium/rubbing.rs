@@ -6,6 +6,7 @@ use crate::equilibrium::balance::Balance;
 use crate::equilibrium::newton::{self, Solved, Stop, factorize_somehow};
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
+use crate::newton::attempt::relative_error;
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
 use crate::newton::start::Start;
 use crate::vectors;
@@ -149,7 +150,7 @@ impl Frictional for Rubbing<'_, '_> {
             if self.done == 1 {
                 self.stop.scale = self.stop.scale.max(longest * energy.abs());
             }
-            eta = (energy.abs() / self.stop.scale).sqrt();
+            eta = relative_error(energy, self.stop.scale);
             let unlawful = self.balance.friction.as_ref().and_then(|friction| friction.unlawful());
             if let Some(friction) = &mut self.balance.friction {
                 friction.predict(longest, &delta);

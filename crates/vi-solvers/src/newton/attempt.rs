@@ -8,7 +8,7 @@ pub(super) const ROUND_OFF: f64 = 1e-12;
 
 /// Returns the error of a correction with this energy (J), relative to `scale` (J). An energy may be negative: if the factor is older
 /// than the iterate, so are parts of the model, such as the directions of constraints.
-pub(super) fn relative_error(energy: f64, scale: f64) -> f64 {
+pub(crate) fn relative_error(energy: f64, scale: f64) -> f64 {
     if energy == 0.0 { 0.0 } else { (energy.abs() / scale).sqrt() }
 }
 

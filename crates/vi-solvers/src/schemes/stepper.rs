@@ -162,7 +162,7 @@ impl StepError {
     }
 
     /// Returns whether a smaller step may succeed. It may if the state left the domain of a term or the nonlinear
-    /// solve did not converge; it cannot if the state at the start is already invalid.
+    /// solve did not converge or left the constraints; it cannot if the state at the start is already invalid.
     pub fn smaller_step_may_help(&self) -> bool {
         matches!(
             self.cause,

@@ -63,6 +63,17 @@ fn rolling(contact: &Contact<'_>, x: [&[f64]; 2], anchors: &Anchors) -> Vec<Roll
     pressed.into_iter().filter_map(roll).collect()
 }
 
+/// Moves the ball and the capsule at random.
+fn shaken(rest: &[f64], numbers: &mut Numbers) -> Vec<f64> {
+    let mut x = rest.to_vec();
+    let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
+    // Gaps of 10 and 5 mm stay open at the largest of these motions.
+    let turns = [turn(0.5), turn(0.01)];
+    moved(&mut x, 1, &[0], turns[0], numbers.vector() * 0.005);
+    moved(&mut x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
+    x
+}
+
 /// The work of friction is T·u, and the forces have neither a resultant nor a moment, however the bodies rotate.
 #[test]
 fn friction_of_round_bodies_keeps_both_momenta() {
@@ -71,14 +82,7 @@ fn friction_of_round_bodies_keeps_both_momenta() {
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     let (mut numbers, mut anchors, mut count) = (Numbers::new(31), Anchors::default(), 0);
     for _ in 0..500 {
-        let mut ends = [rest.clone(), rest.clone()];
-        for x in &mut ends {
-            let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
-            // Gaps of 10 and 5 mm stay open at the largest of these motions.
-            let turns = [turn(0.5), turn(0.01)];
-            moved(x, 1, &[0], turns[0], numbers.vector() * 0.005);
-            moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
-        }
+        let ends = [(); 2].map(|()| shaken(&rest, &mut numbers));
         let x = [ends[0].as_slice(), ends[1].as_slice()];
         let pairs = rolling(&contact, x, &anchors);
         for pair in &pairs {
@@ -114,14 +118,11 @@ fn the_change_of_slip_is_its_derivative_where_there_is_none() {
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     let (mut numbers, mut kinds) = (Numbers::new(37), BTreeMap::new());
     for _ in 0..200 {
-        let mut ends = [rest.clone(), rest.clone()];
-        for x in &mut ends {
-            let mut turn = |size: f64| Rotation3::from_scaled_axis(numbers.vector() * size);
-            let turns = [turn(0.5), turn(0.01)];
-            moved(x, 1, &[0], turns[0], numbers.vector() * 0.005);
-            moved(x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
+        let ends = [(); 2].map(|()| {
+            let mut x = shaken(&rest, &mut numbers);
             x[33..].iter_mut().for_each(|x| *x += 0.003 * (numbers.unit() - 0.5));
-        }
+            x
+        });
         let [start, end] = &ends;
         let partners: Vec<_> = rolling(&contact, [start, end], &Anchors::default())
             .iter()

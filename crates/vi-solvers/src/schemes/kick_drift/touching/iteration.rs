@@ -5,6 +5,7 @@ use vi_core::{State, System};
 use super::Touching;
 use crate::assemble::free_path::make_uniform;
 use crate::error::SolverError;
+use crate::newton::attempt::relative_error;
 use crate::newton::soft_bristles::{self, Aim, Attempt, Frictional, Iteration, Progress, Verdict};
 use crate::newton::start::Start;
 use crate::vectors;
@@ -142,7 +143,7 @@ impl Frictional for Drift<'_> {
             let decrement = small.correct(mass, forcing)?;
             let scale = small.scale(mass, &state.q, &touching.y);
             // Pairs that do not push yet give no correction, and may touch no free coordinate.
-            eta = if decrement == 0.0 { 0.0 } else { (decrement.abs() / scale).sqrt() };
+            eta = relative_error(decrement, scale);
             if !eta.is_finite() {
                 break;
             }
