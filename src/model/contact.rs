@@ -36,6 +36,8 @@ struct Part {
     /// Number among all bodies of the scene.
     number: usize,
     triangles: Vec<[u32; 3]>,
+    /// Quadrilaterals of a deformable body that are cut into these triangles along either diagonal.
+    quadrilaterals: Vec<[u32; 4]>,
     /// The node and outward normal of a half-space.
     plane: Option<(u32, [f64; 3])>,
     /// Two more nodes on the face of a half-space that rotates.
@@ -213,6 +215,7 @@ fn builder(
             meets_itself: part.stiffness.is_some() && may_meet(part, part),
         });
         builder.triangles(body, &part.triangles);
+        builder.quadrilaterals(&part.quadrilaterals);
         match (part.skeleton.0.as_slice(), part.skeleton.1) {
             (&[point], area) => builder.point(body, point, area),
             (&[a, b], area) => builder.segment(body, [a, b], area),
@@ -239,6 +242,7 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
     let number_of = |node: u32| body.node(node as usize) as u32;
     let triangles: Vec<[u32; 3]> =
         surface.triangles().into_iter().map(|triangle| triangle.map(number_of)).collect();
+    let quadrilaterals = surface.cut_quadrilaterals().into_iter().map(|nodes| nodes.map(number_of)).collect();
     let edge = median_edge(&triangles, rest).unwrap_or(1.0);
     let (mut radius, mut distance, mut young) = (0.0, DISTANCE * edge, f64::INFINITY);
     for entry in &of_scene.material.0 {
@@ -261,6 +265,7 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
     Ok(Part {
         number,
         triangles,
+        quadrilaterals,
         plane,
         corners,
         skeleton,
@@ -303,7 +308,19 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
     let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
     let own = model.surface_nodes();
     let corners = (plane.is_some() && own.len() == 2).then_some([own.start as u32, own.start as u32 + 1]);
-    Some(Part { number, triangles, plane, corners, skeleton, frame, radius, distance, stiffness, pressure })
+    Some(Part {
+        number,
+        triangles,
+        quadrilaterals: Vec::new(),
+        plane,
+        corners,
+        skeleton,
+        frame,
+        radius,
+        distance,
+        stiffness,
+        pressure,
+    })
 }
 
 /// Returns the area (m²) that each point of a round skeleton represents: the part of its surface within d̂ of a tangent

@@ -6,6 +6,7 @@
 //! refer to the caller's flat array of positions: node n has the coordinates x[3n], x[3n+1], x[3n+2]. The corners of
 //! a linear proxy of a curved surface are nodes too; the caller ties them to other nodes by weights.
 
+mod areas;
 mod build;
 mod edge_pair;
 mod half_space;
@@ -70,7 +71,7 @@ pub struct Edge {
     pub nodes: [u32; 2],
     /// The body to which it belongs.
     pub body: u32,
-    /// The area that it represents, m²: a third of the triangles at it, or length times width for wires.
+    /// The area that it represents, m²; see `surface/areas.rs`.
     pub area: f64,
     /// χ of the angle between the normals of its triangles at rest: 0 if flat, 1 from 30° on, and 1 for rims and wires.
     pub sharpness: f64,

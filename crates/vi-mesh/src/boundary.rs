@@ -95,11 +95,22 @@ impl Surface {
     /// Returns triangles that cover the facets and use all of their nodes: a quadrilateral is cut in two, a quadratic
     /// facet at its midpoints.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
+        self.parts(|kind| kind.triangles())
+    }
+
+    /// Returns the quadrilaterals that [`Surface::triangles`] cuts along the diagonal from their first to their third node although the
+    /// other one would do as well.
+    pub fn cut_quadrilaterals(&self) -> Vec<[u32; 4]> {
+        self.parts(|kind| kind.cut_quadrilaterals())
+    }
+
+    /// Returns the nodes of parts of all facets, which are given as local node numbers.
+    fn parts<const N: usize>(&self, of: impl Fn(CellKind) -> &'static [[usize; N]]) -> Vec<[u32; N]> {
         let facets = self.blocks.iter().flat_map(|block| block.facets().map(|nodes| (block.kind, nodes)));
-        let cut = |(kind, nodes): (CellKind, &[u32])| -> Vec<[u32; 3]> {
-            kind.triangles().iter().map(|triangle| triangle.map(|k| nodes[k])).collect()
+        let parts = |(kind, nodes): (CellKind, &[u32])| -> Vec<[u32; N]> {
+            of(kind).iter().map(|part| part.map(|k| nodes[k])).collect()
         };
-        facets.flat_map(cut).collect()
+        facets.flat_map(parts).collect()
     }
 }
 

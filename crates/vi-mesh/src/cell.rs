@@ -230,6 +230,16 @@ impl CellKind {
         }
     }
 
+    /// Returns quadrilaterals, as local node numbers, that [`CellKind::triangles`] cuts along the diagonal from their first to their third
+    /// node although the other one would do as well.
+    pub const fn cut_quadrilaterals(self) -> &'static [[usize; 4]] {
+        match self {
+            Self::Quad4 => &[[0, 1, 2, 3]],
+            Self::Quad8 => &[[4, 5, 6, 7]],
+            _ => &[],
+        }
+    }
+
     /// Reorders the nodes of one cell from Gmsh's order to that of this crate, in place.
     ///
     /// # Panics

@@ -3,9 +3,10 @@
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::areas::areas;
 use super::law::Laws;
 use super::order::order;
-use super::topology::edges_and_areas;
+use super::topology::edges;
 use super::{Body, Cell, HalfSpace, LOOSE, Orders, PairRule, Point, Surface, within_rest};
 use crate::barrier::Barrier;
 use crate::broad_phase::nearest_own_cells;
@@ -38,6 +39,7 @@ pub struct SurfaceBuilder {
     barrier: Barrier,
     laws: Laws,
     cells: Vec<Cell>,
+    quadrilaterals: Vec<[u32; 4]>,
     areas: BTreeMap<u32, f64>,
     half_spaces: Vec<HalfSpace>,
     held: BTreeMap<u32, u32>,
@@ -64,6 +66,7 @@ impl SurfaceBuilder {
             barrier: Barrier::default(),
             laws,
             cells: Vec::new(),
+            quadrilaterals: Vec::new(),
             areas: BTreeMap::new(),
             half_spaces: Vec::new(),
             held: BTreeMap::new(),
@@ -104,6 +107,12 @@ impl SurfaceBuilder {
         for &triangle in triangles {
             self.cell(body, triangle, 3);
         }
+    }
+
+    /// Declares pairs of triangles [a, b, c] and [a, c, d] of a deformable body to be quadrilaterals [a, b, c, d], whose corners
+    /// represent areas as if they were cut along the other diagonal too.
+    pub fn quadrilaterals(&mut self, quadrilaterals: &[[u32; 4]]) {
+        self.quadrilaterals.extend(quadrilaterals);
     }
 
     /// Adds wire edges to a body: a rope, or a capsule. An edge represents its length times its width, the larger of
@@ -184,7 +193,11 @@ impl SurfaceBuilder {
         self.cells.iter_mut().for_each(|cell| cell.followed = longest_edge(cell.nodes, rest));
         let widths: Vec<f64> =
             self.laws.bodies.iter().map(|body| body.distance.max(2.0 * body.radius)).collect();
-        let (edges, mut areas) = edges_and_areas(&self.cells, &widths, &self.rest);
+        let edges = edges(&self.cells, &widths, &self.rest);
+        let is_rigid = |body: u32| self.frames.contains_key(&body);
+        let of_cells = areas(&self.cells, &self.quadrilaterals, is_rigid, &widths, &self.rest);
+        let mut areas: BTreeMap<u32, f64> =
+            (0..).zip(of_cells).filter_map(|(node, area)| Some((node, area?))).collect();
         areas.extend(self.areas);
         let points: Vec<Point> =
             areas.iter().map(|(&node, &area)| Point { node, body: owners[node as usize], area }).collect();

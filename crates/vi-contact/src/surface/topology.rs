@@ -1,6 +1,4 @@
-//! Computes the areas of points and edges, and how sharply the surface bends at each edge at rest.
-
-use std::collections::BTreeMap;
+//! Computes the areas of edges, and how sharply the surface bends at each edge at rest.
 
 use super::{Cell, Edge};
 use crate::distance::at;
@@ -8,25 +6,17 @@ use crate::distance::at;
 /// 1 − cos 30°: an edge with a larger angle between the normals of its triangles is sharp.
 const SHARP: f64 = 0.133_974_596_215_561_35;
 
-/// Returns the edges of cells, and the area of each node: a third of its triangles, half of its wires' length times
-/// width.
-pub(super) fn edges_and_areas(
-    cells: &[Cell],
-    widths: &[f64],
-    rest: &[f64],
-) -> (Vec<Edge>, BTreeMap<u32, f64>) {
+/// Returns the edges of cells. An edge represents a third of its triangles, or the length of a wire times its width.
+pub(super) fn edges(cells: &[Cell], widths: &[f64], rest: &[f64]) -> Vec<Edge> {
     let corner = |cell: &Cell, k: usize| at(rest, cell.nodes[k]);
     let area_of = |cell: &Cell| match cell.count {
         3 => 0.5 * (corner(cell, 1) - corner(cell, 0)).cross(&(corner(cell, 2) - corner(cell, 0))).norm(),
         2 => (corner(cell, 1) - corner(cell, 0)).norm() * widths[cell.body as usize],
         _ => 0.0,
     };
-    let mut areas = vec![None; rest.len() / 3];
     // The edges of all cells, each with its cell and the corner opposite to it.
     let mut sides: Vec<(u32, [u32; 2], u32, u8)> = Vec::new();
     for (number, cell) in (0..).zip(cells).filter(|(_, cell)| cell.count > 1) {
-        let share = area_of(cell) / f64::from(cell.count);
-        cell.nodes().iter().for_each(|&node| *areas[node as usize].get_or_insert(0.0) += share);
         let edges: &[[u8; 3]] =
             if cell.count == 3 { &[[0, 1, 2], [0, 2, 1], [1, 2, 0]] } else { &[[0, 1, 2]] };
         sides.extend(edges.iter().map(|&[i, j, k]| {
@@ -57,9 +47,7 @@ pub(super) fn edges_and_areas(
         };
         Edge { nodes, body, area, sharpness, square: (second - first).norm_squared() }
     };
-    let edges = sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(edge);
-    let areas = (0..).zip(areas).filter_map(|(node, area)| Some((node, area?))).collect();
-    (edges.collect(), areas)
+    sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).map(edge).collect()
 }
 
 /// Returns the median over the triangles of their shortest edge at rest, m. A tenth of it is the usual activation
