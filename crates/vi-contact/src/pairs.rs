@@ -16,6 +16,7 @@
 
 mod chord;
 mod clusters;
+mod crossing;
 mod edges;
 mod energy;
 mod gaps;

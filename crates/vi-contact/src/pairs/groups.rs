@@ -1,7 +1,11 @@
 //! Finds the simplices of a body near a point, with inclusion–exclusion numbers, grouped by closest feature.
 
+use super::crossing::Crossing;
 use crate::distance::{Closest, Shape, Vec3, at};
 use crate::surface::{Gauge, Surface};
+
+/// The nodes of the part of a simplex on which a closest point lies; missing ones are `NONE`.
+pub(super) type Feature = [u32; 3];
 
 /// A simplex near a point at `ENDS` configurations: one, or both ends of a step.
 #[derive(Debug, Clone, Copy)]
@@ -16,8 +20,8 @@ pub(crate) struct PointTerm<const ENDS: usize> {
     pub(crate) home: u32,
     /// Closest points at each end.
     pub(crate) closest: [Closest; ENDS],
-    /// Nodes of the closest feature at each end.
-    features: [[u32; 3]; ENDS],
+    /// The closest feature at each end.
+    pub(super) features: [Feature; ENDS],
 }
 
 /// Scratch memory for the cells near one point.
@@ -28,6 +32,8 @@ pub(crate) struct Group<const ENDS: usize> {
     edges: Vec<Shared<[u32; 2]>>,
     nodes: Vec<Shared<u32>>,
     order: Vec<u32>,
+    /// What acts over a step in which the point passes from one cell to another.
+    pub(super) crossing: Crossing,
 }
 
 /// A simplex of several cells, the sum of their numbers n, and the first of these cells.
@@ -46,11 +52,17 @@ fn sum<S: Copy + Ord>(shared: &mut Vec<Shared<S>>) {
 }
 
 /// Marks a missing node.
-const NONE: u32 = u32::MAX;
+pub(super) const NONE: u32 = u32::MAX;
 
 impl<const ENDS: usize> Group<ENDS> {
     pub(crate) fn new() -> Self {
-        Self { terms: Vec::new(), edges: Vec::new(), nodes: Vec::new(), order: Vec::new() }
+        Self {
+            terms: Vec::new(),
+            edges: Vec::new(),
+            nodes: Vec::new(),
+            order: Vec::new(),
+            crossing: Crossing::default(),
+        }
     }
 
     /// Finds the terms of a point against cells of one body, at positions x of each end.
@@ -95,8 +107,10 @@ impl<const ENDS: usize> Group<ENDS> {
         }
     }
 
-    /// Adds the edges and nodes that several cells share, with their numbers n.
+    /// Adds the edges and nodes that several cells share, with their numbers n. Over a step they are needed out of reach as well (see
+    /// `crossing.rs`).
     fn share(&mut self, point: u32, reach: f64, x: [&[f64]; ENDS]) {
+        let reach = if ENDS == 2 { f64::INFINITY } else { reach };
         let (mut edges, mut nodes) = (std::mem::take(&mut self.edges), std::mem::take(&mut self.nodes));
         edges.clear();
         nodes.clear();
@@ -145,7 +159,7 @@ impl<const ENDS: usize> Group<ENDS> {
 
 /// Returns the nodes of the simplex that determine the closest point.
 #[inline]
-fn feature(nodes: &[u32; 4], closest: &Closest) -> [u32; 3] {
+fn feature(nodes: &[u32; 4], closest: &Closest) -> Feature {
     let mut feature = [NONE; 3];
     let mut count = 0;
     for a in 1..4 {

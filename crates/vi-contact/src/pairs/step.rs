@@ -4,8 +4,9 @@
 //! pair exerts −G with G_a = Q N_a. Hence Σ G·Δx = C₁ − C₀, Σ G_a = 0 and Σ x_m,a × G_a = 0, for any step and any
 //! change of closest features. The pairs are simplices and not features, so their energies add up from step to step.
 //!
-//! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull. It
-//! dissipates D = τ C'' Δd²/h ≥ 0. Like forces, it is subtracted for the pairs that inclusion and exclusion subtracts: otherwise it
+//! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull: where a share a of the
+//! damping acts on velocities at the end of the step ([`AT_END`]), a pair that opens keeps the part a Q of its push, which that share may
+//! take. Damping dissipates D = τ C'' Δd²/h ≥ 0. Like forces, it is subtracted for the pairs that inclusion and exclusion subtracts: otherwise it
 //! would be doubled, in one jump, where a point passes from one cell to the next.
 
 use vi_core::StepSpan;
@@ -107,7 +108,7 @@ pub struct StepPair {
     pub tangent: f64,
     /// The mollifier of nearly parallel edges.
     pub(crate) parallel: Option<Parallel>,
-    /// Q, N, times the mollifier.
+    /// Q, N, times the mollifier; zero for pairs whose directions have no tangents.
     pub(crate) slope: f64,
     /// k of a symmetric part k c̄ c̄ᵀ ⊗ n nᵀ of ∂G/∂x₁, N/m; positive except for pairs that inclusion and
     /// exclusion subtracts.
@@ -141,6 +142,14 @@ impl StepPair {
     /// Writes k c̄ c̄ᵀ ⊗ n nᵀ as a packed lower triangle of 3·arity coordinates, N/m.
     pub fn packed_stiffness(&self, out: &mut [f64]) {
         pack_rank_one(self.stiffness_of_ends(), &self.weights, self.normal, 3 * self.arity, out);
+    }
+
+    /// Returns one of two parts into which the force of a pair is divided: each has half of its energies. How the directions of both
+    /// parts turn is left out of the tangents, because it depends on the nodes of both.
+    fn half(self) -> Self {
+        let energy = self.energy.map(|energy| 0.5 * energy);
+        let (dissipated, stiffness) = (0.5 * self.dissipated, 0.5 * self.stiffness);
+        Self { energy, dissipated, stiffness, slope: 0.0, ..self }
     }
 
     /// Multiplies the force and its tangents by `factor`.
@@ -225,16 +234,16 @@ struct Quotient {
 }
 
 impl Quotient {
-    /// Computes the quotient between the distances at both `ends` (m). `rate` is τ/h, and `change` is d₁ − d₀.
+    /// Computes the quotient between the distances at both `ends` (m). `rate` is τ/h, `kept` the part of the push that damping leaves,
+    /// and `change` is d₁ − d₀.
     #[inline]
-    fn new(strength: &Strength, ends: [f64; 2], change: f64, rate: f64) -> Self {
+    fn new(strength: &Strength, ends: [f64; 2], change: f64, [rate, kept]: [f64; 2]) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;
         let [s0, s1] = ends.map(|distance| gauge.relative(distance));
         let per_square = gauge.energy / (gauge.distance * gauge.distance);
         let elastic = gauge.energy / gauge.distance * blend.quotient(s0, s1);
-        let mut stiffness = per_square * blend.quotient_slope(s0, s1);
-        let mut tangent = stiffness;
-        let mut slope = elastic;
+        let elastic_stiffness = per_square * blend.quotient_slope(s0, s1);
+        let (mut slope, mut stiffness, mut tangent) = (elastic, elastic_stiffness, elastic_stiffness);
         if rate > 0.0 {
             let middle = 0.5 * (s0 + s1);
             let viscosity = rate * per_square * blend.curvature(middle);
@@ -242,8 +251,9 @@ impl Quotient {
             stiffness += viscosity;
             let by_middle = rate * per_square * blend.third(middle);
             tangent += viscosity + 0.5 * by_middle * change / gauge.distance;
-            if slope > 0.0 {
-                (slope, stiffness, tangent) = (0.0, 0.0, 0.0);
+            if slope > kept * elastic {
+                (slope, stiffness) = (kept * elastic, kept * elastic_stiffness);
+                tangent = stiffness;
             }
         }
         let energy = n * gauge.energy;
@@ -294,18 +304,33 @@ impl Contact<'_> {
         let blend = Blend::of_points(self.surface.barrier);
         for (body, cells) in self.bodies_of(point) {
             let Some(gauge) = self.surface.point_gauge(point, body) else { continue };
-            let rate = self.damping_rate(part.body, body, settings);
+            let damping = self.damping(part.body, body, settings);
             group.gather(self.surface, part.node, cells, &gauge, x);
-            for term in &group.terms {
-                let [x0, x1] = term.positions(x);
+            let Group { terms, crossing, .. } = group;
+            crossing.find(terms, &gauge, x);
+            let partners = Partners::PointBody(point as u32, body);
+            let strength = |multiplicity: f64| Strength { gauge, blend, multiplicity };
+            for (number, term) in terms.iter().enumerate() {
+                let multiplicity = crossing.number(number, term.multiplicity);
                 let [start, end] = term.closest;
+                if multiplicity == 0.0 || start.squared.min(end.squared) >= gauge.reach_squared() {
+                    continue;
+                }
+                let [x0, x1] = term.positions(x);
                 let change = DistanceChange::new(&start, &end, [&x0, &x1]);
                 let ends = [start.distance(), end.distance()];
-                let strength = Strength { gauge, blend, multiplicity: f64::from(term.multiplicity) };
-                let quotient = Quotient::new(&strength, ends, change.change, rate);
-                let partners = Partners::PointBody(point as u32, body);
+                let quotient = Quotient::new(&strength(multiplicity), ends, change.change, damping);
                 let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient, settings);
                 out.push(StepPair { cell: term.home, ..pair });
+            }
+            for chord in crossing.chords() {
+                let change = chord.parts[0].change;
+                let quotient = Quotient::new(&strength(chord.number), chord.distances, change, damping);
+                for (term, change) in chord.terms.map(|term| &terms[term]).iter().zip(&chord.parts) {
+                    let pair =
+                        assemble(partners, term.shape.arity(), term.nodes, change, &quotient, settings);
+                    out.push(StepPair { cell: term.home, ..pair.half() });
+                }
             }
         }
     }
@@ -324,10 +349,10 @@ impl Contact<'_> {
         let [a, b] = pair.edges.map(|edge| &self.surface.edges[edge as usize]);
         let blend = Blend::of_edges(self.surface.barrier, a, b);
         let change = DistanceChange::new(&start, &end, [&x0, &x1]);
-        let rate = self.damping_rate(a.body, b.body, settings);
+        let damping = self.damping(a.body, b.body, settings);
         let ends = [start.distance(), end.distance()];
         let strength = Strength { gauge: pair.gauge, blend, multiplicity: 1.0 };
-        let quotient = Quotient::new(&strength, ends, change.change, rate);
+        let quotient = Quotient::new(&strength, ends, change.change, damping);
         if quotient.energy == [0.0; 2] {
             return None;
         }
@@ -389,17 +414,18 @@ impl Contact<'_> {
                 normal,
             }
         };
-        let rate = self.damping_rate(part.body, face.body, settings);
+        let damping = self.damping(part.body, face.body, settings);
         let blend = Blend::of_points(self.surface.barrier);
         let strength = Strength { gauge, blend, multiplicity: 1.0 };
-        let quotient = Quotient::new(&strength, ends, change.change, rate);
+        let quotient = Quotient::new(&strength, ends, change.change, damping);
         let arity = face.shape().arity();
         Some(assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient, settings))
     }
 
-    /// Returns τ/h of two bodies.
-    pub(crate) fn damping_rate(&self, a: u32, b: u32, settings: &StepSettings) -> f64 {
-        self.surface.law(a, b).map_or(0.0, |law| settings.damping_rate(law.damping))
+    /// Returns τ/h of two bodies, and the part of a push that damping over the step leaves.
+    fn damping(&self, a: u32, b: u32, settings: &StepSettings) -> [f64; 2] {
+        let rate = self.surface.law(a, b).map_or(0.0, |law| settings.damping_rate(law.damping));
+        [rate, settings.damping_at_end]
     }
 }
 

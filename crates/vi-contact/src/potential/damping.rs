@@ -1,8 +1,8 @@
 //! The part of contact damping that acts on velocities at the end of a step ([`AT_END`](crate::AT_END)).
 //!
 //! A layer of stiffness k = C'' and damping time τ resists the rate of its gap with the force −a τ k ḋ, where a is the share of
-//! damping that acts here. It does not pull: a pair that opens is held back by at most its force C', at the rate before the dampers
-//! act, which reduce rates. A bristle that stuck over the step resists the rate of its slip in the same way, up to what Coulomb's cone
+//! damping that acts here. It does not pull: a pair that opens is held back by at most the part a of its force C', at the rate before the
+//! dampers act, which reduce rates; damping over the step takes at most the rest. A bristle that stuck over the step resists the rate of its slip in the same way, up to what Coulomb's cone
 //! leaves. If it slid, it is not damped: a force that depends on the pressure at one instant would add to its friction.
 
 use vi_core::Damper;
@@ -67,7 +67,8 @@ impl ContactPotential {
         let along = &pair.distance[1][..pair.arity];
         let on_first = along[..pair.partners.first_count()].iter().sum();
         let mut damper = damper(bodies, &pair.nodes, along, on_first);
-        damper.coefficient = bounded(coefficient, -pair.slope, damper.rate(velocity));
+        damper.coefficient =
+            bounded(coefficient, -settings.damping_at_end * pair.slope, damper.rate(velocity));
         if damper.coefficient > 0.0 {
             out.push(damper);
         }

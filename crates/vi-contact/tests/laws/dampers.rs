@@ -120,8 +120,9 @@ fn dampers_do_not_pull_and_leave_sliding_to_friction() {
     // Slow motions are damped in proportion to their rates.
     let (slow, faster) = (on_upper([0.0, 0.0, 1e-9], 2), on_upper([0.0, 0.0, 2e-9], 2));
     assert!((faster / slow - 2.0).abs() < 1e-9, "{slow:e} {faster:e}");
-    let fast = on_upper([0.0, 0.0, 1e3], 2);
-    assert!(fast <= 1.5 * push && fast > 0.5 * push, "{fast:e} {push:e}");
+    // Damping over the step may take the rest of the push.
+    let (fast, share) = (on_upper([0.0, 0.0, 1e3], 2), AT_END * push);
+    assert!(fast <= 1.5 * share && fast > 0.5 * share, "{fast:e} {share:e}");
     assert!(on_upper([1e-9, 0.0, 0.0], 0) > 0.0);
     let fast = on_upper([1e3, 0.0, 0.0], 0);
     assert!(fast <= 0.4 * 1.5 * push, "{fast:e} {push:e}");

@@ -4,6 +4,7 @@ mod acting;
 mod bar;
 mod broad_phase;
 mod ccd;
+mod crossing;
 mod dampers;
 mod drift;
 mod friction;
