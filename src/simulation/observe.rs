@@ -196,7 +196,11 @@ impl Simulation {
             sum
         };
         let mut total = 0.0;
-        for component in self.components.iter().filter(|component| component.stepper.is_some()) {
+        // The energy of a component that never moves is constant, with its round-off.
+        let moves = |component: &&Component| {
+            component.stepper.is_some() || component.system.coordinates().is_moving()
+        };
+        for component in self.components.iter().filter(moves) {
             let x = component.system.positions(&component.state);
             let terms = component.system.potentials().iter();
             let varying = terms.filter(|term| term.traits().hessian != HessianKind::Zero);
