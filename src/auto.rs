@@ -25,7 +25,7 @@ use crate::scene::{MassKind, Problem, Scene, SchemeName, Time};
 use crate::simulation::Simulation;
 use crate::simulation::stability::{highest, rotation};
 pub use candidate::Candidate;
-use search::{Search, Stopped};
+use search::{Search, Stopped, Verlet};
 
 /// The target error, as a fraction of the required one.
 const SAFETY: f64 = 0.6;
@@ -126,6 +126,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     let mut search = Search::new(scene, watch, &simulation, omega, SAFETY * tolerance);
     drop(simulation);
     let verlet = search.limit(SchemeName::StormerVerlet, 1);
+    let stable = search.stable_steps(SchemeName::StormerVerlet);
     let explicit_seconds = if is_explicit { search.cost(verlet)? } else { None };
     search.budget = match explicit_seconds {
         Some(seconds) => BUDGET * seconds,
@@ -169,6 +170,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
         tenth: search.tenth.first().cloned(),
         candidates,
     };
-    report.reason = report.explain(scene, explicit_seconds.map(|seconds| (verlet.steps, seconds)));
+    let verlet = explicit_seconds.map(|seconds| Verlet { stable, steps: verlet.steps, seconds });
+    report.reason = report.explain(scene, verlet);
     Ok((choice, report))
 }

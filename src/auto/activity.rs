@@ -8,6 +8,9 @@ const SAMPLES: usize = 4096;
 /// Fraction of a function's mean deviation from its start that the steps may miss. With 0.1, a pulse that lasts 1/100
 /// of the run requires 512 steps, a sine 8 per period.
 const MISSED: f64 = 0.1;
+/// Fraction of the size of a motion below which a coordinate counts as constant: round-off of a rotation, which leaves the coordinate
+/// along its axis where it is.
+const ROUND_OFF: f64 = 1e-9;
 /// Fraction of the time in which a free rigid body that can meet others flies or falls by its own thickness, for a step. The
 /// dominoes of `scenes/contact/dominoes.toml`, of 1 cm, get steps of at most 4.5 ms.
 const OF_THICKNESS: f64 = 0.1;
@@ -34,12 +37,17 @@ fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     for motion in of_fixes.chain(of_rigids).chain(of_attachments) {
         // A point that is not on any usual axis of rotation.
         let point = [0.31, 0.57, 0.83];
-        found.extend((0..3).map(|axis| sample(&|t| motion.position(point, t)[axis])));
+        let coordinates = [0, 1, 2].map(|axis| sample(&|t| motion.position(point, t)[axis]));
+        let size = coordinates.iter().map(|values| range(values)).fold(0.0, f64::max);
+        found.extend(coordinates.into_iter().filter(|values| range(values) > ROUND_OFF * size));
     }
-    found.retain(|values| {
-        values.iter().any(|value| *value != values[0]) && values.iter().all(|v| v.is_finite())
-    });
+    found.retain(|values| range(values) > 0.0 && values.iter().all(|v| v.is_finite()));
     found
+}
+
+/// Returns the largest deviation of a function from its start.
+fn range(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max((value - values[0]).abs()))
 }
 
 /// Returns the smallest number of steps that resolves the flight of free rigid bodies that can meet others, as known at the start.
@@ -90,8 +98,8 @@ pub(super) fn first_event(scene: &Scene) -> Option<f64> {
 pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
     let from = ((t / scene.time.end * SAMPLES as f64) as usize).min(SAMPLES);
     let bends = |values: &Vec<f64>| {
-        let scale = values.iter().fold(0.0_f64, |most, value| most.max((value - values[0]).abs()));
-        let bent = |part: &[f64]| (part[0] - 2.0 * part[1] + part[2]).abs() > 1e-9 * scale;
+        let scale = range(values);
+        let bent = |part: &[f64]| (part[0] - 2.0 * part[1] + part[2]).abs() > ROUND_OFF * scale;
         values[from..].windows(3).any(bent)
     };
     functions(scene).iter().any(bends)
@@ -100,8 +108,9 @@ pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Time;
-    use vi_fem::Amplitude;
+    use crate::scene::{Fix, Time};
+    use std::f64::consts::PI;
+    use vi_fem::{Amplitude, Motion, Rotate};
 
     fn scene(amplitude: &str) -> Scene {
         let load = Load::Point {
@@ -121,6 +130,21 @@ mod tests {
         // This function has 40 periods.
         let periods = resolving_steps(&scene("sin(2*pi*20*t)"), 16);
         assert!((256..=512).contains(&periods), "{periods}");
+    }
+
+    /// A rotation leaves the coordinate along its axis where it is, up to round-off, which no step needs to resolve.
+    #[test]
+    fn the_round_off_of_a_rotation_is_no_motion() {
+        let turning = |axis: [f64; 3], rate: f64| {
+            let motion = Motion::Rotate(Rotate { axis, point: [0.0; 3], rate, start: 0.0, end: None });
+            let fix = Fix { motion: Some(motion), ..Fix::region("b", "x-min") };
+            Scene::new(Time::auto(2.0, 1e-3)).fix(fix)
+        };
+        for axis in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 2.0, 3.0]] {
+            assert_eq!(resolving_steps(&turning(axis, 0.5), 16), 16, "{axis:?}");
+            let turns = resolving_steps(&turning(axis, 2.0 * PI * 20.0), 16);
+            assert!((256..=512).contains(&turns), "{axis:?}: {turns}");
+        }
     }
 
     #[test]

@@ -64,6 +64,16 @@ pub(super) struct Search<'a> {
     pub(super) growth: Option<f64>,
 }
 
+/// Störmer–Verlet at its limit of stability, or in smaller steps that resolve the scene.
+pub(super) struct Verlet {
+    /// Number of steps at its limit.
+    pub(super) stable: u64,
+    /// Number of steps that it takes.
+    pub(super) steps: u64,
+    /// Its cost, s.
+    pub(super) seconds: f64,
+}
+
 impl<'a> Search<'a> {
     pub(super) fn new(
         scene: &'a Scene,
@@ -107,13 +117,19 @@ impl<'a> Search<'a> {
         (self.budget - self.spent()).max(0.0)
     }
 
-    /// Returns an explicit scheme at its recommended limit; the number of steps is a multiple of `parts`.
+    /// Returns an explicit scheme at its recommended limit, or in the steps that resolve the scene if these are more; the number
+    /// of steps is a multiple of `parts`.
     pub(super) fn limit(&self, scheme: SchemeName, parts: u64) -> Choice {
+        let steps = self.stable_steps(scheme).max(self.coarsest.min(FINEST)).next_multiple_of(parts);
+        Choice { scheme, stages: None, steps }
+    }
+
+    /// Returns the number of steps of an explicit scheme at its recommended limit.
+    pub(super) fn stable_steps(&self, scheme: SchemeName) -> u64 {
         let choice = Choice { scheme, stages: None, steps: 1 };
         let limit = choice.method().facts().recommended_limit.unwrap_or(1.0);
         let limit = if self.scene.contact.is_some() { IN_CONTACT * limit } else { limit };
-        let steps = (self.scene.time.end * self.omega / limit).ceil() as u64;
-        Choice { steps: steps.max(self.coarsest.min(FINEST)).next_multiple_of(parts), ..choice }
+        (self.scene.time.end * self.omega / limit).ceil() as u64
     }
 
     /// Runs a trial over a part of the run, for at most `seconds` of the reference machine and the remaining budget.

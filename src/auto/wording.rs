@@ -2,9 +2,25 @@
 
 use std::fmt::Write as _;
 
-use super::search::Search;
+use super::search::{COARSEST, Search, Verlet};
 use super::{AutoReport, Candidate, LEAST_BUDGET, activity};
 use crate::scene::{MassKind, Scene, TimeStep};
+
+impl Verlet {
+    /// Says how many steps it takes, and why.
+    fn words(&self) -> String {
+        let Self { stable, steps, seconds } = self;
+        if steps <= stable {
+            return format!("needs {steps} steps, {seconds:.2} s, to be stable.");
+        }
+        let why = if *steps == COARSEST {
+            "the fewest that are tried"
+        } else {
+            "to follow its loads, supports and rigid bodies"
+        };
+        format!("is stable in {stable} steps; it takes {steps}, {seconds:.2} s, {why}.")
+    }
+}
 
 impl AutoReport {
     /// Returns the report for a scene without free motion.
@@ -21,9 +37,8 @@ impl AutoReport {
         }
     }
 
-    /// Explains why the first candidate was chosen. `explicit` contains the number of steps and the seconds of
-    /// Störmer–Verlet at its limit.
-    pub(super) fn explain(&self, scene: &Scene, explicit: Option<(u64, f64)>) -> String {
+    /// Explains why the first candidate was chosen.
+    pub(super) fn explain(&self, scene: &Scene, explicit: Option<Verlet>) -> String {
         let Some(best) = self.candidates.first() else { return String::new() };
         let is_explicit = |candidate: &Candidate| candidate.choice.method().facts().is_explicit;
         let error = match (best.measured, best.predicted_error) {
@@ -36,12 +51,12 @@ impl AutoReport {
             best.scheme, best.steps, self.tolerance, best.predicted_seconds
         );
         // Writing to a string cannot fail.
-        let _ = match explicit {
-            Some((steps, seconds)) => write!(
+        let _ = match &explicit {
+            Some(verlet) => write!(
                 text,
-                " The highest frequency of the scene is {:.3e} rad/s, so that Störmer–Verlet needs {steps} steps, \
-                 {seconds:.2} s, to be stable.",
-                self.highest_frequency
+                " The highest frequency of the scene is {:.3e} rad/s, so that Störmer–Verlet {}",
+                self.highest_frequency,
+                verlet.words()
             ),
             None if scene.solver.mass == Some(MassKind::Consistent) => {
                 write!(text, " The mass is consistent, which leaves implicit schemes.")
