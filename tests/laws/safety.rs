@@ -225,12 +225,35 @@ fn the_guard_ignores_the_round_off_of_bodies_that_are_wholly_prescribed() {
         .replace("2.2e-3", "1e-3")
         .replace("velocity = [0.1, 0, 0]", "")
         .replace("region = \"x-min\"", "box = {}")
-        .replace("GUARD", "motion = { kind = \"sine\", amplitude = [0.1, 0, 0], frequency = 5.0, phase = 1.5707963 }");
+        .replace(
+            "GUARD",
+            "motion = { kind = \"sine\", amplitude = [0.1, 0, 0], frequency = 5.0, phase = 1.5707963 }",
+        );
     let run = Program::try_run(&scene, &[]);
     assert_eq!(run.code(), Some(0), "{}", run.errors());
     let guard = run.report()["guard"].clone();
     assert!(guard["resolution"].as_f64().unwrap() > 0.0, "{guard}");
     assert_eq!(guard["growth"], 0.0, "{guard}");
+}
+
+/// A force whose square overflows is no balance: a body under it is not at rest, whatever the scheme.
+#[test]
+fn forces_that_overflow_are_not_taken_for_rest() {
+    for scheme in ["stormer-verlet", "implicit-midpoint", "gauss", "energy-momentum", "bdf2"] {
+        let scene = RINGING
+            .replace("SCHEME", scheme)
+            .replace("LAW", "st-venant-kirchhoff")
+            .replace("velocity = [0.1, 0, 0]", "")
+            .replace("[time]", "gravity = [0.0, -1e200, 0.0]\n[time]")
+            .replace("GUARD", "");
+        let run = Program::try_run(&scene, &[]);
+        assert_eq!(run.code(), Some(4), "{scheme}: {}", run.errors());
+        assert!(
+            run.errors().contains("failed") && run.errors().contains("finite"),
+            "{scheme}: {}",
+            run.errors()
+        );
+    }
 }
 
 /// A flag that stiffens as it crumples: a step that is stable while the flag is flat becomes unstable.

@@ -3,6 +3,7 @@
 use vi_core::System;
 
 use crate::assemble::evaluator::Evaluator;
+use crate::error::SolverError;
 use crate::vectors;
 
 /// Number of stencils evaluated at once.
@@ -20,18 +21,31 @@ pub(crate) fn may_be_at_rest(twice_kinetic: f64, last_acceleration: &[f64], step
 /// that the individual forces would produce:
 ///
 /// c Σ g²/m ≤ ε² c Σ (Σ_s |g_s|)²/m over the free coordinates, where g_s is the gradient of stencil s.
-pub(crate) fn is_at_rest(system: &System, evaluator: &Evaluator, tolerance: f64) -> bool {
+///
+/// # Errors
+/// Returns [`SolverError::NotFinite`] if the sum over the unbalanced force overflows, because no step can then be solved.
+pub(crate) fn is_at_rest(
+    system: &System,
+    evaluator: &Evaluator,
+    tolerance: f64,
+) -> Result<bool, SolverError> {
     let (gradient, mass, free) = (evaluator.gradient(), system.free_mass(), system.coordinates().free());
-    let unbalanced = vectors::sum(free.len(), |k| {
+    let energy = |k: usize| {
         let g = gradient[free[k] as usize];
         g * g / mass[k]
-    });
+    };
+    let unbalanced = vectors::sum(free.len(), energy);
     if unbalanced == 0.0 {
-        return true;
+        return Ok(true);
+    }
+    if !unbalanced.is_finite() {
+        let largest = (0..free.len()).max_by(|&a, &b| energy(a).total_cmp(&energy(b)));
+        let dof = largest.map_or(0, |k| free[k] as usize);
+        return Err(SolverError::NotFinite { what: "square of the force", dof, at_start: true });
     }
     let in_play = magnitudes(system, evaluator.positions(), evaluator.time());
     let total = vectors::sum(free.len(), |k| in_play[free[k] as usize].powi(2) / mass[k]);
-    unbalanced <= tolerance * tolerance * total
+    Ok(unbalanced <= tolerance * tolerance * total)
 }
 
 /// Returns Σ_s |∂V_s/∂x_i| of every coordinate, N.

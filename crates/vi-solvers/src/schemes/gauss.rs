@@ -148,7 +148,7 @@ impl Gauss {
             for i in 0..stages.coefficients.stages() {
                 let t = stages.configure(i);
                 evaluator.evaluate(system, &stages.q, t, false)?;
-                is_at_rest &= at_rest::is_at_rest(system, evaluator, newton.tolerance());
+                is_at_rest &= at_rest::is_at_rest(system, evaluator, newton.tolerance())?;
             }
             if is_at_rest {
                 evaluator.work.skipped += 1;

@@ -254,7 +254,7 @@ impl<R: Rule> OneStage<R> {
             stage.w.fill(0.0);
             stage.configure();
             evaluator.evaluate(system, &stage.q, stage.t, false)?;
-            if at_rest::is_at_rest(system, evaluator, newton.tolerance()) {
+            if at_rest::is_at_rest(system, evaluator, newton.tolerance())? {
                 evaluator.work.skipped += 1;
                 return Ok(0);
             }
