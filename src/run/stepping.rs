@@ -7,7 +7,7 @@ use vi_core::State;
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
 
-use super::checkpoint::{Checkpoint, CheckpointError, Origin, Store};
+use super::checkpoint::{Checkpoint, CheckpointError, Origin, Snapshots, Store};
 use super::claim::Claim;
 use super::directory;
 use super::error::RunError;
@@ -18,6 +18,7 @@ use super::guard::{EnergyGuard, STRIDE, Watching};
 use super::history::{Columns, HistoryWriter};
 use super::ledger::LedgerKeeper;
 use super::momentum::MomentumLedger;
+use super::observer::Purpose;
 use super::observers::Observers;
 use super::pitch::PitchFinder;
 use super::report::{Outcome, Report};
@@ -26,7 +27,7 @@ use super::watch::Watch;
 use crate::auto::AutoReport;
 use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::stability::stability;
-use crate::simulation::{Observation, Simulation, TOGETHER};
+use crate::simulation::{Observation, Simulation, Snapshot, TOGETHER};
 
 /// Number of steps after which a guard that nobody asked for looks at the kinetic energy of explicit steps, and observes implicit ones.
 /// An observation costs about as much as an explicit step, and a tenth of an implicit one; the kinetic energy costs less than a
@@ -284,7 +285,10 @@ impl Run {
         let (next, h) = (self.simulation.steps() + 1, self.simulation.step_size());
         let is_within = self.observers.frames.as_ref().is_some_and(|frames| frames.is_within(next, h));
         let before = is_within.then(|| self.simulation.states());
-        let kept = self.simulation.needs_return().then(|| self.simulation.snapshot());
+        // Frames within the step may be many, so that it can also be abandoned while they are written.
+        let is_long = is_within && self.simulation.scene().solver.interrupt.is_possible();
+        let kept = (is_long || self.simulation.needs_return()).then(|| self.simulation.snapshot());
+        let observed = is_long.then(|| (self.observers.snapshots(Purpose::GoBack), self.findings.len()));
         let begin = Instant::now();
         let stepped = self.simulation.advance(quiet);
         self.report.stepping_seconds += begin.elapsed().as_secs_f64();
@@ -292,10 +296,7 @@ impl Run {
         let stepped = match stepped {
             Ok(stepped) => stepped,
             Err(source) if source.is_interruption() => {
-                if let Some(kept) = kept {
-                    let returned = self.simulation.restore(&kept);
-                    returned.map_err(|error| CheckpointError::Unfit(error.to_string()))?;
-                }
+                self.undo(kept.as_ref(), None)?;
                 return Err(RunError::Step { step: step + 1, source });
             }
             // An explicit scheme fails if its energy has grown beyond all bounds since the last observation of the
@@ -327,16 +328,41 @@ impl Run {
                 self.write_row(seen)?;
             }
         }
-        self.show_frames(before.as_deref()).map_err(|error| match error {
-            RunError::Frame(source @ IoError::BadOutput { .. }) => RunError::Beyond { step, source },
-            error => error,
-        })?;
+        match self.show_frames(before.as_deref()) {
+            Err(RunError::Frame(source @ IoError::BadOutput { .. })) => {
+                return Err(RunError::Beyond { step, source });
+            }
+            Err(RunError::Step { step, source }) if source.is_interruption() => {
+                self.undo(kept.as_ref(), observed.as_ref())?;
+                return Err(RunError::Step { step, source });
+            }
+            shown => shown?,
+        }
         self.save_if_due()?;
         self.report.output_seconds += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// Shows the states for which frames are due. Those within the last step are interpolated between `before` and now.
+    /// Returns to what was kept before a step that is abandoned on request.
+    fn undo(
+        &mut self,
+        kept: Option<&Snapshot>,
+        observed: Option<&(Snapshots, usize)>,
+    ) -> Result<(), RunError> {
+        if let Some(kept) = kept {
+            let returned = self.simulation.restore(kept);
+            returned.map_err(|error| CheckpointError::Unfit(error.to_string()))?;
+        }
+        if let Some((observed, findings)) = observed {
+            self.observers.restore(observed)?;
+            self.findings.truncate(*findings);
+            self.row = None;
+        }
+        Ok(())
+    }
+
+    /// Shows the states for which frames are due. Those within the last step are interpolated between `before` and now. A request
+    /// to end ends it between two of these, with the error of a step that is abandoned.
     fn show_frames(&mut self, before: Option<&[State]>) -> Result<(), RunError> {
         let Self { simulation, observers, .. } = self;
         let (steps, h) = (simulation.steps(), simulation.step_size());
@@ -345,6 +371,11 @@ impl Run {
         };
         if let Some(before) = before {
             while let Some(t) = next_within(observers) {
+                let asked = simulation.scene().solver.interrupt.check();
+                asked.map_err(|cause| RunError::Step {
+                    step: steps,
+                    source: StepError { t: (steps - 1) as f64 * h, h, cause },
+                })?;
                 simulation.between(before, t, |simulation| observers.see_frame(simulation))?;
             }
         }

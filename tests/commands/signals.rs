@@ -266,6 +266,38 @@ fn a_signal_within_a_step_abandons_it() {
     }
 }
 
+/// A signal while the frames within a step are written abandons the step and these frames. Both are made again by `resume`.
+#[test]
+fn a_signal_between_the_frames_of_a_step_abandons_it() {
+    let scene = SCENE
+        .replace("end = 10.0", "end = 0.2")
+        .replace("step = 1e-4", "step = 0.1")
+        .replace("stormer-verlet", "implicit-midpoint")
+        .replace("history = 100", "fps = 20000")
+        .replace("interval = 0.01", "interval = 0.1");
+    let place = directory(&scene);
+    let run = |arguments: &[&str]| {
+        let mut command = command();
+        command.current_dir(place.path()).args(arguments).stdout(Stdio::null()).stderr(Stdio::null());
+        command
+    };
+    let mut child = run(&["run", "scene.toml", "--out", "out"]).spawn().unwrap();
+    let out = place.path().join("out");
+    wait_for("frame within the first step", || out.join("scene_000010.vtu").exists());
+    send("TERM", &child);
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let report = report_of(&out);
+    assert_eq!((&report["outcome"], &report["steps"]), (&"interrupted".into(), &0.into()));
+    assert!(!out.join("scene_000001.vtu").exists());
+    assert!(run(&["resume", "out"]).status().unwrap().success());
+    assert!(run(&["run", "scene.toml", "--out", "whole"]).status().unwrap().success());
+    let whole = place.path().join("whole");
+    for file in ["history.csv", "scene.pvd", "scene_000010.vtu", "scene_004000.vtu"] {
+        let [parts, whole] = [&out, &whole].map(|directory| std::fs::read(directory.join(file)).unwrap());
+        assert!(parts == whole, "{file} differs");
+    }
+}
+
 /// A search for modes that is terminated says so, and writes nothing.
 #[test]
 fn a_signal_ends_a_search_for_modes() {
