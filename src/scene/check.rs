@@ -1,6 +1,7 @@
 //! Finds all problems of the values of a scene at once, each with its key and the remedy.
 
 mod checker;
+mod frames;
 mod parts;
 mod rigids;
 mod statics;
@@ -72,9 +73,7 @@ fn time(check: &mut Checker, scene: &Scene) {
             if step > time.end && time.end > 0.0 {
                 check.say("time.step", format!("must not exceed `end` ({} s), is {step} s", time.end));
             }
-            if time.end / step > 9e15 {
-                check.say("time.step", "requires more steps than the program can count: use a larger step");
-            }
+            countable(check, "time.step", time.end, step);
         }
         None if time.scheme != Some(SchemeName::Auto) => {
             check.say("time.step", "missing key `step`: a step in s (only scheme \"auto\" chooses it)");
@@ -170,12 +169,24 @@ fn filtered_mass(check: &mut Checker, scene: &Scene) {
     }
 }
 
+/// Refuses a positive length (s) that divides the run into more steps than the program can count.
+fn countable(check: &mut Checker, key: &str, end: f64, step: f64) {
+    if step > 0.0 && end.is_finite() && end / step > 9e15 {
+        check.say(key, "requires more steps than the program can count: use a larger step");
+    }
+}
+
 /// Adds the problems of adaptive steps.
 fn adaptive(check: &mut Checker, scene: &Scene) {
     let time = &scene.time;
     let without = [
         (time.scheme == Some(SchemeName::Auto), "scheme \"auto\" chooses the step: remove `step`"),
         (time.scheme == Some(SchemeName::Bdf2), "scheme \"bdf2\" needs equal steps: write a step in s"),
+        (
+            time.scheme == Some(SchemeName::ForwardEuler),
+            "scheme \"forward-euler\" is stable at no step, so that none follows from the motion: write a step in s, or \
+             choose another scheme, e.g. \"stormer-verlet\"",
+        ),
         (scene.statics.is_some(), "[static] has no motion to follow: write a step in s"),
         (
             scene.contact.is_some() && time.method().is_some_and(|method| method.facts().is_explicit),
@@ -192,6 +203,7 @@ fn adaptive(check: &mut Checker, scene: &Scene) {
         if largest > time.end && time.end > 0.0 {
             check.say("time.largest_step", format!("must not exceed `end` ({} s), is {largest} s", time.end));
         }
+        countable(check, "time.largest_step", time.end, largest);
     }
 }
 
@@ -341,6 +353,7 @@ fn output(check: &mut Checker, scene: &Scene) {
             check.positive(key, value, unit);
         }
     }
+    frames::count(check, scene);
     check.at_most_one_of(
         "output",
         &[("interval", output.interval.is_some()), ("fps", output.fps.is_some())],

@@ -60,6 +60,33 @@ fn values() {
     change("body = \"beam\"", "body = \"bean\"", &["scene.toml:11", "bean", "beam"]);
 }
 
+/// Steps and frames that no run could complete are refused before it starts.
+#[test]
+fn more_steps_or_frames_than_can_be_meant() {
+    let steps = |step: &str| GOOD.replace("step = 0.01", step);
+    let uncounted = "more steps than the program can count";
+    refused(&steps("step = 1e-300"), &["scene.toml:4: time.step", uncounted]);
+    refused(
+        &steps("step = \"adaptive\"\nlargest_step = 1e-300"),
+        &["scene.toml:5: time.largest_step", uncounted],
+    );
+    refused(
+        &steps("step = \"adaptive\"").replace("stormer-verlet", "forward-euler"),
+        &["scene.toml:4: time.step", "\"forward-euler\"", "write a step in s"],
+    );
+    let output = |key: &str| GOOD.to_owned() + "[output]\n" + key;
+    refused(
+        &output("fps = 1e8"),
+        &["scene.toml:14: output.fps", "1.000e7 frames", "less than fps = 1.000e7"],
+    );
+    refused(
+        &output("interval = 1e-9").replace("step = 0.01", "step = \"adaptive\""),
+        &["scene.toml:14: output.interval", "1.000e8 frames", "more than interval = 1.000e-7"],
+    );
+    // Each of the ten steps has one frame at most.
+    assert_eq!(Program::check(&output("interval = 1e-9")).code(), Some(0));
+}
+
 #[test]
 fn everything_at_once() {
     let scene = GOOD
