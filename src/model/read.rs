@@ -183,6 +183,15 @@ fn mesh(id: BodyId, body: &Body, budget: &mut Budget) -> Result<Imported, Vec<Pr
         let elements = read.mesh.blocks.iter().filter(|block| block.kind.dimension() == body.dimension());
         let counts: Vec<_> = elements.map(|block| (block.kind, block.cell_count())).collect();
         fits(&counts)?;
+        if body.dimension() == 3
+            && let Some([one, other]) = read.mesh.doubled_cells(3)
+        {
+            let message = format!(
+                "elements {one} and {other} have the same corners, which would count twice: remove one"
+            );
+            let source = body.mesh.as_ref().map_or(String::new(), |path| format!("{}: ", path.display()));
+            return Err(vec![Problem::new(format!("{key}.mesh"), source + &message)]);
+        }
         read
     } else {
         fits(&[])?;

@@ -117,6 +117,8 @@ fn meshes() {
     let four = "POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1";
     mesh("surface.vtk", &vtk(four, "CELLS 1 4\n3 0 1 2\nCELL_TYPES 1\n5"), &["no volume cells", "thickness"]);
     let tet = "CELLS 1 5\n4 0 1 2 3\nCELL_TYPES 1\n10";
+    let two = "CELLS 2 10\n4 0 1 2 3\n4 1 2 0 3\nCELL_TYPES 2\n10\n10";
+    mesh("doubled.vtk", &vtk(four, two), &["elements 0 and 1 have the same corners", "remove one"]);
     mesh("inverted.vtk", &vtk(four, "CELLS 1 5\n4 0 2 1 3\nCELL_TYPES 1\n10"), &["element 0", "inverted"]);
     mesh("flat.vtk", &vtk("POINTS 4 double\n0 0 0 1 0 0 0 1 0 1 1 0", tet), &["element 0", "volume"]);
     let five = "POINTS 5 double\n0 0 0 1 0 0 0 1 0 0 0 1 7 7 7";
@@ -336,7 +338,7 @@ fn scenes_beyond_memory() {
     let sheet = solid("sheet = { size = [1.0, 1.0], cells = [1000000000, 2] }")
         .replace("density = 1000.0", "density = 1000.0, thickness = 0.001");
     refused(&sheet, &["body[0].sheet.cells", "4.000e9 elements", "GB"]);
-    // This mesh file has 64 000 tetrahedra, all on the same nodes.
+    // This mesh file has 64 000 tetrahedra, all on the same nodes; it is refused for its memory first.
     let directory = tempfile::tempdir().unwrap();
     let count = 64_000;
     let mut text = format!("{POINTS}POINTS 4 double\n0 0 0 1 0 0 0 1 0 0 0 1\nCELLS {count} {}\n", 5 * count);

@@ -26,6 +26,33 @@ impl Mesh {
         if problems.is_empty() { Ok(()) } else { Err(problems) }
     }
 
+    /// Returns the first two cells of a dimension that have the same corners, in any order.
+    pub fn doubled_cells(&self, dimension: usize) -> Option<[u32; 2]> {
+        let corners = |&cell: &u32| {
+            let (kind, nodes) = self.cell(cell as usize)?;
+            let mut corners = nodes.get(..kind.corner_count())?.to_vec();
+            corners.sort_unstable();
+            Some(corners)
+        };
+        // Cells with the same corners have the same sum of them, which takes less memory than the corners.
+        let sum = |cell: u32| {
+            let (kind, nodes) = self.cell(cell as usize)?;
+            Some((nodes.iter().take(kind.corner_count()).map(|&node| u64::from(node)).sum::<u64>(), cell))
+        };
+        let mut sums: Vec<(u64, u32)> =
+            self.cells_of_dimension(dimension).into_iter().filter_map(sum).collect();
+        sums.sort_unstable();
+        let in_group = |group: &[(u64, u32)]| {
+            let mut cells: Vec<(Vec<u32>, u32)> =
+                group.iter().filter_map(|(_, cell)| Some((corners(cell)?, *cell))).collect();
+            cells.sort_unstable();
+            let doubles = cells.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+            doubles.map(|pair| [pair[0].1, pair[1].1]).min()
+        };
+        let groups = sums.chunk_by(|a, b| a.0 == b.0).filter(|group| group.len() > 1);
+        groups.filter_map(in_group).min()
+    }
+
     /// Reverses the linear tetrahedra that are mirrored (negative volume), and returns how many.
     pub fn repair(&mut self) -> usize {
         let mut turned = 0;
@@ -113,6 +140,8 @@ pub fn volume_of_round_off(mut nodes: impl Iterator<Item = [f64; 3]>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use super::*;
     use crate::generate::box_mesh::BoxMesh;
     use crate::mesh::CellBlock;
@@ -142,6 +171,21 @@ mod tests {
         mesh.points.pop();
         assert_eq!(mesh.repair(), 1);
         assert_eq!(mesh, cube());
+    }
+
+    #[test]
+    fn a_cell_that_exists_twice_is_found() {
+        let mut mesh = cube();
+        assert_eq!(mesh.doubled_cells(3), None);
+        let last = mesh.cell_count() as u32;
+        let [a, b, c, d] = mesh.blocks[0].nodes.as_chunks::<4>().0[1];
+        mesh.push_cell(CellKind::Tet4, &[b, c, a, d]);
+        let [first, second] = mesh.doubled_cells(3).unwrap();
+        let corners =
+            |cell: u32| mesh.cell(cell as usize).unwrap().1.iter().copied().collect::<BTreeSet<u32>>();
+        assert!(first < second && second <= last, "{first} {second}");
+        assert_eq!(corners(first), corners(second));
+        assert_eq!(mesh.doubled_cells(2), None);
     }
 
     #[test]
