@@ -63,6 +63,10 @@ pub(super) fn partners(periodic: &Periodic, mesh: &Mesh) -> Result<Vec<(u32, u32
         }
     }
     pairs.retain(|(a, b)| a != b);
+    if pairs.is_empty() && !to.is_empty() {
+        let message = "`from` and `to` are the same nodes: name two opposite parts, or remove this table";
+        return Err((String::new(), message.to_owned()));
+    }
     Ok(pairs)
 }
 

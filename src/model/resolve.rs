@@ -1,7 +1,7 @@
 //! Resolves the names in a scene: bodies, rigid bodies, regions and nodes. It reports all problems of the meshes and
 //! the names. Nothing is looked up by name afterwards.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
 
 use super::body::{NodeSet, ProbeTarget};
@@ -113,7 +113,7 @@ pub(super) fn resolve(scene: &Scene, reading: Reading) -> Result<Resolved<'_>, V
     let fixes = resolver.fixes(&scene.fixes);
     let (probes, region_probes) = resolver.probes(&scene.probes);
     let periodics = resolver.periodics(scene);
-    let strikes = resolver.strikes(&scene.strikes);
+    let strikes = resolver.strikes(&scene.strikes, &fixes);
     let springs = resolver.springs(&scene.springs);
     let (rigids, mut ties) = resolver.attachments(scene);
     ties.extend(resolver.seams(&scene.seams));
@@ -242,11 +242,18 @@ impl<'a, 'b> Resolver<'a, 'b> {
         all
     }
 
-    fn strikes(&mut self, strikes: &'a [Strike]) -> Vec<(&'a Strike, NodeSet)> {
+    fn strikes(&mut self, strikes: &'a [Strike], fixes: &[ResolvedFix<'_>]) -> Vec<(&'a Strike, NodeSet)> {
         let mut all = Vec::new();
         for (index, strike) in strikes.iter().enumerate() {
             let Some(body) = self.body(&strike.body) else { continue };
-            all.push((strike, self.selected(body, &strike.on, &format!("strike[{index}]"))));
+            let on = self.selected(body, &strike.on, &format!("strike[{index}]"));
+            // A part of a body does not tell.
+            if body.part.is_none() && is_lost(strike, &on, fixes) {
+                let message =
+                    "acts on nodes that [[fix]] holds against it, so that nothing moves: strike other nodes";
+                self.say(format!("strike[{index}]"), message);
+            }
+            all.push((strike, on));
         }
         all
     }
@@ -374,4 +381,18 @@ impl<'a, 'b> Resolver<'a, 'b> {
             }
         }
     }
+}
+
+/// Returns whether each of these nodes is held along every axis along which it is struck.
+fn is_lost(strike: &Strike, on: &NodeSet, fixes: &[ResolvedFix<'_>]) -> bool {
+    let struck = (0..3).filter(|&axis| strike.impulse[axis] != 0.0);
+    let is_held = |axis: usize| {
+        let holds = |fix: &&ResolvedFix<'_>| {
+            fix.on.body == on.body && fix.fix.space_axes().is_some_and(|axes| axes.contains(&axis))
+        };
+        let held: HashSet<u32> = fixes.iter().filter(holds).flat_map(|fix| &fix.on.nodes).copied().collect();
+        on.nodes.iter().all(|node| held.contains(node))
+    };
+    let mut held = struck.map(is_held).peekable();
+    !on.nodes.is_empty() && held.peek().is_some() && held.all(|is_held| is_held)
 }

@@ -127,6 +127,10 @@ impl Seam {
         match (&self.region, &self.to_region, &self.nodes, &self.to_nodes) {
             (Some(_), Some(_), None, None) => {}
             (None, None, Some(nodes), Some(to_nodes)) => {
+                if nodes.is_empty() {
+                    problems
+                        .push(("nodes", "lists no node: write at least one, or remove the table".to_owned()));
+                }
                 if nodes.len() != to_nodes.len() {
                     let (count, other) = (nodes.len(), to_nodes.len());
                     problems.push((

@@ -343,6 +343,9 @@ fn wind_and_damping(check: &mut Checker, scene: &Scene) {
             }
         }
         check.finite("damping.bulk_viscosity", &[damping.bulk_viscosity]);
+        if scene.bodies.is_empty() {
+            check.say("damping", "acts on deformable bodies, and the scene has none: remove this table");
+        }
     }
 }
 

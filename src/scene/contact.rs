@@ -154,6 +154,12 @@ impl Contact {
                 let message = format!("there is another pair of '{a}' and '{b}'; write one for both");
                 problems.push((format!("pair[{i}].between"), message));
             }
+            if self.exclude.iter().any(|names| is_pair(names, a, b)) {
+                let message = format!(
+                    "`exclude` says that '{a}' and '{b}' do not meet: remove this pair there, or here"
+                );
+                problems.push((format!("pair[{i}].between"), message));
+            }
         }
         problems
     }

@@ -159,6 +159,9 @@ impl Selection {
             1 => {}
             _ => problems.push(("", format!("give only one of {}", names.join(", ")))),
         }
+        if self.nodes.as_ref().is_some_and(Vec::is_empty) {
+            problems.push(("nodes", "lists no node: write at least one, or remove the table".to_owned()));
+        }
         problems.extend(self.within.as_ref().and_then(BoxRegion::problem).map(|message| ("box", message)));
         if let Some(PlaneRegion { point, normal, distance }) = &self.plane {
             let is_finite = point.iter().chain(normal).all(|value| value.is_finite());

@@ -60,6 +60,76 @@ fn values() {
     change("body = \"beam\"", "body = \"bean\"", &["scene.toml:11", "bean", "beam"]);
 }
 
+/// A table that can have no effect is refused, with what to do instead.
+#[test]
+fn tables_without_effect() {
+    let with = |table: &str| GOOD.to_owned() + table;
+    let on = |table: &str, on: &str| with(&format!("[[{table}]]\nbody = \"beam\"\n{on}\n"));
+    refused(
+        &on("strike", "region = \"clamp\"\nimpulse = [0, 0, 1]"),
+        &["scene.toml:13: strike[0]", "[[fix]]"],
+    );
+    assert_eq!(Program::check(&on("strike", "region = \"tip\"\nimpulse = [0, 0, 1]")).code(), Some(0));
+    for (table, rest) in [
+        ("fix", ""),
+        ("strike", "impulse = [0, 0, 1]"),
+        ("attach", "stiffness = 1.0"),
+        ("probe", "name = \"p\"\nmax = \"displacement.x\""),
+    ] {
+        let key = if table == "fix" { "fix[1].nodes".to_owned() } else { format!("{table}[0].nodes") };
+        refused(&on(table, &format!("nodes = []\n{rest}")), &[&key, "lists no node"]);
+    }
+    refused(
+        &on("periodic", "from = { region = \"tip\" }\nto = { region = \"tip\" }"),
+        &["scene.toml:13: periodic[0]", "are the same nodes"],
+    );
+    let rigid = r#"
+[time]
+end = 1.0
+step = 0.01
+scheme = "stormer-verlet"
+[damping]
+mass_rate = 2.5
+[[rigid]]
+name = "r"
+shape = { kind = "sphere", radius = 0.1 }
+density = 1000.0
+"#;
+    refused(rigid, &["scene.toml:6: damping", "deformable bodies", "remove this table"]);
+    let body = &GOOD[GOOD.find("[[body]]").unwrap()..GOOD.find("[[fix]]").unwrap()];
+    let contact =
+        "[contact]\nexclude = [[\"beam\", \"other\"]]\n[[contact.pair]]\nbetween = [\"other\", \"beam\"]\n";
+    refused(
+        &format!(
+            "{}{contact}",
+            GOOD.replace("[[fix]]", &(body.replace("\"beam\"", "\"other\"") + "[[fix]]"))
+        ),
+        &["contact.pair[0].between", "`exclude`", "do not meet"],
+    );
+}
+
+/// Keys of motion are refused in search of equilibria, each by its name.
+#[test]
+fn keys_of_motion_with_statics() {
+    let still = GOOD.replace("scheme = \"stormer-verlet\"\n", "") + "[static]\n";
+    for (from, to, key) in [
+        ("[static]", "[static]\n[damping]\nmass_rate = 1.0", "damping"),
+        ("[static]", "[static]\n[assert]\nenergy_drift = 1e-3", "assert.energy_drift"),
+        (
+            "[static]",
+            "[static]\n[[strike]]\nbody = \"beam\"\nregion = \"tip\"\nimpulse = [0, 0, 1]",
+            "strike[0]",
+        ),
+        ("[[fix]]", "velocity = [1, 0, 0]\n[[fix]]", "body[0].velocity"),
+        ("[[fix]]", "angular_velocity = [1, 0, 0]\n[[fix]]", "body[0].angular_velocity"),
+        ("[[body]]", "estimate = true\n[[body]]", "time.estimate"),
+        ("[[body]]", "substeps = false\n[[body]]", "time.substeps"),
+        ("[[body]]", "scheme = \"gauss\"\nstages = 3\n[[body]]", "time.stages"),
+    ] {
+        refused(&still.replace(from, to), &[&format!(" {key}: belongs to motion"), "[static] has none"]);
+    }
+}
+
 /// Steps and frames that no run could complete are refused before it starts.
 #[test]
 fn more_steps_or_frames_than_can_be_meant() {

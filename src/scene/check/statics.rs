@@ -18,6 +18,36 @@ pub(super) fn statics(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
         check.say("static.push", "must be finite");
     }
     path_of_equilibria(check, scene, statics, names);
+    without_motion(check, scene);
+}
+
+/// Refuses keys that say something of motion, which equilibria do not have.
+fn without_motion(check: &mut Checker, scene: &Scene) {
+    let (time, assert) = (&scene.time, &scene.assert);
+    let keys = [
+        ("damping", scene.damping.is_some()),
+        ("time.estimate", time.estimate),
+        ("time.substeps", !time.substeps),
+        ("time.stages", time.stages.is_some()),
+        ("assert.energy_drift", assert.energy_drift.is_some()),
+        ("assert.momentum_drift", assert.momentum_drift.is_some()),
+        ("assert.angular_momentum_drift", assert.angular_momentum_drift.is_some()),
+    ];
+    let mut given: Vec<String> =
+        keys.into_iter().filter(|(_, is_given)| *is_given).map(|(key, _)| key.to_owned()).collect();
+    given.extend((0..scene.strikes.len()).map(|i| format!("strike[{i}]")));
+    let bodies = scene.bodies.iter().map(|body| (body.velocity.is_some(), body.angular_velocity.is_some()));
+    let rigids =
+        scene.rigids.iter().map(|rigid| (rigid.velocity.is_some(), rigid.angular_velocity.is_some()));
+    let bodies = bodies.enumerate().map(|(i, has)| (format!("body[{i}]"), has));
+    for (key, (moves, turns)) in bodies.chain(rigids.enumerate().map(|(i, has)| (format!("rigid[{i}]"), has)))
+    {
+        given.extend(moves.then(|| format!("{key}.velocity")));
+        given.extend(turns.then(|| format!("{key}.angular_velocity")));
+    }
+    for key in given {
+        check.say(key, "belongs to motion, and a scene with [static] has none: remove it");
+    }
 }
 
 fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static, names: &Names<'_>) {
