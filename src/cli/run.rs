@@ -160,6 +160,9 @@ pub(super) fn conclude(
     if output.progress == ProgressForm::Text {
         output.say.result(report, || summary(report, directory));
     }
+    if let Some(note) = report.lost_symmetry() {
+        message!("note: {note}");
+    }
     if let Some(warning) = &report.warning {
         message!("warning: {warning}");
     }

@@ -42,9 +42,6 @@ pub(super) fn summary(report: &Report, directory: &Path) {
             cut("substeps")
         );
     }
-    if let Some(note) = report.lost_symmetry() {
-        out!("note: {note}");
-    }
     for event in report.guard["events"].as_array().into_iter().flatten() {
         let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
         out!(

@@ -76,6 +76,29 @@ fn json_and_quiet_mean_the_same_for_every_command() {
     }
 }
 
+/// Notes that are known only at the end of a run are printed under `--quiet` too.
+#[test]
+fn quiet_prints_the_notes_at_the_end() {
+    let place = tempfile::tempdir().unwrap();
+    let place = place.path();
+    // The blow inverts elements in a whole step, so that it is cut.
+    let struck = SCENE
+        .replace("step = 1e-3", "step = 2e-3")
+        .replace("stormer-verlet", "implicit-midpoint")
+        .replace("cells = [2, 1, 1]", "cells = [4, 2, 2]")
+        .replace(
+            "[[fix]]\nbody = \"block\"\nregion = \"x-min\"",
+            "[[strike]]\nbody = \"block\"\nregion = \"x-min\"\nimpulse = [300.0, 0.0, 0.0]",
+        );
+    std::fs::write(place.join("struck.toml"), struck).unwrap();
+    for option in ["--quiet", "--json", ""] {
+        let (code, _, errors) = said(place, "run struck.toml --out out", option);
+        assert_eq!(code, Some(0), "{errors}");
+        let note = errors.lines().find(|line| line.starts_with("note: ") && line.contains("steps were cut"));
+        assert!(note.is_some_and(|note| note.contains("run backwards")), "{option}: {errors}");
+    }
+}
+
 #[test]
 fn check_names_every_problem_in_json() {
     let place = tempfile::tempdir().unwrap();
