@@ -1,7 +1,7 @@
 //! What happens in a scene: the functions of time of its loads and supports, and rigid bodies that may meet others. It determines how
 //! coarse a trial may be without missing changes, and when the first change occurs.
 
-use crate::scene::{Load, Rigid, RigidShape, Scene};
+use crate::scene::{Rigid, RigidShape, Scene};
 
 /// Number of samples of a function of time over the run; the finest division that [`resolving_steps`] returns.
 const SAMPLES: usize = 4096;
@@ -21,12 +21,7 @@ fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     let sample = |f: &dyn Fn(f64) -> f64| (0..=SAMPLES).map(|k| f(time(k))).collect::<Vec<f64>>();
     let mut found = Vec::new();
     for load in &scene.loads {
-        let (Load::Traction { amplitude, .. }
-        | Load::Pressure { amplitude, .. }
-        | Load::Point { amplitude, .. }
-        | Load::Force { amplitude, .. }
-        | Load::BodyForce { amplitude, .. }) = load;
-        found.push(sample(&|t| amplitude.at(t)));
+        found.push(sample(&|t| load.amplitude().at(t)));
     }
     if let Some(amplitude) = &scene.gravity_amplitude {
         found.push(sample(&|t| amplitude.at(t)));
@@ -108,7 +103,7 @@ pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Fix, Time};
+    use crate::scene::{Fix, Load, Time};
     use std::f64::consts::PI;
     use vi_fem::{Amplitude, Motion, Rotate};
 

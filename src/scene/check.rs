@@ -16,7 +16,7 @@ use super::{
     Body, LinearChoice, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance,
     TimeStep,
 };
-use super::{columns, contact, plain};
+use super::{columns, contact, load, plain};
 use checker::Checker;
 
 impl Scene {
@@ -38,6 +38,9 @@ impl Scene {
 fn values(scene: &Scene) -> Vec<Problem> {
     let mut check = Checker::default();
     check.finite("gravity", &scene.gravity);
+    if let Some(message) = scene.gravity_amplitude.as_ref().and_then(load::amplitude_problem) {
+        check.say("gravity_amplitude", message);
+    }
     time(&mut check, scene);
     if scene.bodies.is_empty() && scene.rigids.is_empty() {
         check.say("body", "a scene needs at least one [[body]] or [[rigid]]");

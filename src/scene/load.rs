@@ -128,9 +128,20 @@ impl Load {
         }
     }
 
+    /// Returns its amplitude.
+    pub(crate) fn amplitude(&self) -> &Amplitude {
+        let (Self::Traction { amplitude, .. }
+        | Self::Pressure { amplitude, .. }
+        | Self::Point { amplitude, .. }
+        | Self::Force { amplitude, .. }
+        | Self::BodyForce { amplitude, .. }) = self;
+        amplitude
+    }
+
     /// Returns the problems of its values, each with the key at fault.
     pub(super) fn problems(&self) -> Vec<(&'static str, String)> {
         let mut problems = Vec::new();
+        problems.extend(amplitude_problem(self.amplitude()).map(|message| ("amplitude", message)));
         let finite = |values: &[f64]| values.iter().all(|value| value.is_finite());
         match self {
             Self::Traction { traction: components, on, .. } => {
@@ -170,6 +181,14 @@ impl Load {
         }
         problems
     }
+}
+
+/// Returns the problem of an amplitude that has no finite value at the start.
+pub(super) fn amplitude_problem(amplitude: &Amplitude) -> Option<String> {
+    let value = amplitude.at(0.0);
+    (!value.is_finite()).then(|| {
+        format!("must be finite at all times, is {value} at t = 0 s: write a formula without this gap, or a table [[t, factor], …]")
+    })
 }
 
 /// Makes the field of three components.

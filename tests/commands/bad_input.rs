@@ -529,6 +529,27 @@ fn boxes_may_be_half_infinite() {
     }
 }
 
+/// An amplitude without a finite value is named with its key, its value and the time: at the start by the check, later by the run.
+#[test]
+fn amplitudes_that_are_not_finite() {
+    let load = |amplitude: &str| {
+        format!(
+            "{GOOD}[[load]]\nkind = \"traction\"\nbody = \"beam\"\nregion = \"tip\"\ntraction = [1, 0, 0]\n\
+             amplitude = \"{amplitude}\"\n"
+        )
+    };
+    for (amplitude, value) in [("sin(t)/t", "NaN"), ("log(-1-t)", "NaN"), ("1/t", "inf")] {
+        refused(&load(amplitude), &["scene.toml:18: load[0].amplitude", &format!("is {value} at t = 0 s")]);
+    }
+    let gravity = format!("gravity = [0, 0, -9.81]\ngravity_amplitude = \"0/0\"\n{GOOD}");
+    refused(&gravity, &["scene.toml:2: gravity_amplitude", "is NaN at t = 0 s"]);
+    let late = Program::try_run(&load("sqrt(0.05 - t)").replace("step = 0.01", "step = 1e-4"), &[]);
+    assert_eq!(late.code(), Some(4), "{}", late.errors());
+    let errors = late.errors();
+    assert!(errors.contains("load[0]") && errors.contains("amplitude = NaN must be finite"), "{errors}");
+    assert!(errors.contains("from t = 0.05") || errors.contains("from t = 0.049"), "{errors}");
+}
+
 /// Messages shorten long names and still end with the remedy.
 #[test]
 fn very_long_names() {

@@ -3,7 +3,7 @@
 
 use std::ops::Range;
 
-use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits};
 
 use crate::error::FemError;
 use crate::load::spread::{Resultant, Spread};
@@ -271,6 +271,10 @@ impl Potential for DeadLoad {
 
     fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
         out[..6 * range.len()].fill(0.0);
+    }
+
+    fn fault(&self, stencil: usize, _x: &[f64], t: f64) -> Option<Fault> {
+        self.amplitude.fault(stencil, t)
     }
 }
 

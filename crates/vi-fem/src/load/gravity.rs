@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use vi_core::{Account, HessianKind, Potential, Stencils, Traits};
+use vi_core::{Account, Fault, HessianKind, Potential, Stencils, Traits};
 
 use crate::path::amplitude::Amplitude;
 use crate::small::tensor::dot;
@@ -77,6 +77,10 @@ impl Potential for Gravity {
 
     fn hessians(&self, range: Range<usize>, _x: &[f64], _t: f64, out: &mut [f64]) {
         out[..6 * range.len()].fill(0.0);
+    }
+
+    fn fault(&self, stencil: usize, _x: &[f64], t: f64) -> Option<Fault> {
+        self.amplitude.fault(stencil, t)
     }
 }
 

@@ -10,7 +10,7 @@ mod volume_field;
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, Traits, packed_len};
+use vi_core::{Account, Fault, Force, ForceAccount, HessianKind, Potential, Stencils, Traits, packed_len};
 
 use crate::path::amplitude::Amplitude;
 use crate::small::tensor::{cross, dot};
@@ -215,6 +215,10 @@ impl Potential for VolumePressure {
                 value
             };
         self.facets.blocks(range, x, self.facets.at(t), out, entry);
+    }
+
+    fn fault(&self, stencil: usize, _x: &[f64], t: f64) -> Option<Fault> {
+        self.facets.amplitude.fault(stencil, t)
     }
 }
 

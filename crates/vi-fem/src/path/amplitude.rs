@@ -2,6 +2,7 @@
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use vi_core::Fault;
 
 use crate::error::FemError;
 use crate::path::expression::Expression;
@@ -85,6 +86,13 @@ impl Amplitude {
                 low[1] + (high[1] - low[1]) * ((t - low[0]) / (high[0] - low[0]))
             }
         }
+    }
+
+    /// Returns the fault of a stencil of a load at t (s) if a(t) is not finite.
+    pub(crate) fn fault(&self, stencil: usize, t: f64) -> Option<Fault> {
+        let value = self.at(t);
+        let fault = Fault { element: stencil, quantity: "amplitude", value, domain: "must be finite" };
+        (!value.is_finite()).then_some(fault)
     }
 
     /// Returns whether the factor never changes.
