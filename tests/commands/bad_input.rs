@@ -550,6 +550,26 @@ fn amplitudes_that_are_not_finite() {
     assert!(errors.contains("from t = 0.05") || errors.contains("from t = 0.049"), "{errors}");
 }
 
+/// Tables that name a body of the other kind say so, and what to write instead.
+#[test]
+fn rigid_and_deformable_bodies_are_told_apart() {
+    let rigid = "[[rigid]]\nname = \"r\"\nshape = { kind = \"sphere\", radius = 0.1 }\ndensity = 1000.0\n";
+    for (table, rest, instead) in [
+        ("fix", "nodes = [0]", "`fixed = true`"),
+        ("strike", "nodes = [0]\nimpulse = [0, 0, 1]", "`velocity`"),
+        ("probe", "name = \"p\"\nnode = 0", "history.csv has columns"),
+        ("load", "kind = \"point\"\nnode = 0\nforce = [0, 0, 1]", "[[attach]]"),
+    ] {
+        let scene = format!("{GOOD}{rigid}[[{table}]]\nbody = \"r\"\n{rest}\n");
+        refused(&scene, &["'r' is a rigid body", instead]);
+    }
+    let alone = &GOOD[..GOOD.find("[[body]]").unwrap()];
+    let fix = "[[fix]]\nbody = \"x\"\nnodes = [0]\n";
+    refused(&format!("{alone}{rigid}{fix}"), &["there is no body 'x': the scene has no table [[body]]"]);
+    let joint = "[[joint]]\nkind = \"ball\"\nbody = \"beam\"\npoint = [0, 0, 0]\n";
+    refused(&format!("{GOOD}{joint}"), &["'beam' is deformable", "[[attach]]"]);
+}
+
 /// Messages shorten long names and still end with the remedy.
 #[test]
 fn very_long_names() {

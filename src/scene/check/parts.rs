@@ -52,6 +52,24 @@ pub(super) fn parts(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
     }
 }
 
+/// Returns why there is no deformable body of this name for the table `key`, e.g. `fix[0]`.
+pub(super) fn no_body(scene: &Scene, names: &Names<'_>, key: &str, name: &str) -> String {
+    if names.rigid(name).is_some() {
+        let instead = match key.split('[').next().unwrap_or_default() {
+            "fix" => "give it `fixed = true` or a `motion` in its table [[rigid]]",
+            "strike" => "give it `velocity` and `angular_velocity` in its table [[rigid]]",
+            "probe" => "history.csv has columns of its position and orientation without a probe",
+            _ => "join a deformable body to it by [[attach]] with `to`, and name that body",
+        };
+        return format!("'{name}' is a rigid body, and this table acts on deformable ones: {instead}");
+    }
+    let there: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
+    match there.is_empty() {
+        true => format!("there is no body '{name}': the scene has no table [[body]]"),
+        false => format!("there is no body '{name}'; there are: {}", some_of(&there)),
+    }
+}
+
 /// The scene and its names, for the checks of parts.
 struct Parts<'a, 'b> {
     check: &'a mut Checker,
@@ -63,9 +81,7 @@ impl Parts<'_, '_> {
     /// Reports a missing body that the key `part` of the table `key` names.
     fn known(&mut self, key: &str, part: &str, name: &str) {
         if self.names.body(name).is_none() {
-            let there: Vec<_> = self.scene.bodies.iter().map(|body| body.name.as_str()).collect();
-            let message = format!("there is no body '{name}'; there are: {}", some_of(&there));
-            self.check.say(format!("{key}.{part}"), message);
+            self.check.say(format!("{key}.{part}"), no_body(self.scene, self.names, key, name));
         }
     }
 

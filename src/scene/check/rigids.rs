@@ -18,8 +18,16 @@ pub(super) fn rigids(check: &mut Checker, scene: &Scene) {
             if let Some(name) = name
                 && !names.contains(&name)
             {
-                let there = some_of(&names);
-                let message = format!("there is no rigid body '{name}'; there are: {there}");
+                let message = if scene.bodies.iter().any(|body| body.name == name) {
+                    format!(
+                        "'{name}' is deformable, and joints join rigid bodies: hold a part of it by [[attach]] with `to`, the \
+                         name of a [[rigid]], and join that"
+                    )
+                } else if names.is_empty() {
+                    format!("there is no rigid body '{name}': the scene has no table [[rigid]]")
+                } else {
+                    format!("there is no rigid body '{name}'; there are: {}", some_of(&names))
+                };
                 check.say(format!("joint[{i}].{part}"), message);
             }
         }

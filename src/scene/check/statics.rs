@@ -1,8 +1,8 @@
 //! Checks equilibria: load steps, paths and their control.
 
 use super::checker::Checker;
+use super::parts::no_body;
 use crate::scene::names::Names;
-use crate::scene::problem::some_of;
 use crate::scene::{Control, LinearChoice, Scene, Static};
 
 pub(super) fn statics(check: &mut Checker, scene: &Scene, names: &Names<'_>) {
@@ -78,8 +78,6 @@ fn path_of_equilibria(check: &mut Checker, scene: &Scene, statics: &Static, name
     if let Control::Volume { body, .. } = control
         && names.body(body).is_none()
     {
-        let there: Vec<_> = scene.bodies.iter().map(|body| body.name.as_str()).collect();
-        let message = format!("there is no body '{body}'; there are: {}", some_of(&there));
-        check.say("static.control.body", message);
+        check.say("static.control.body", no_body(scene, names, "static", body));
     }
 }
