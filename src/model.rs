@@ -79,7 +79,10 @@ pub(crate) fn build(scene: &Scene, holding: Holding) -> Result<Model, Vec<Proble
 pub fn all_problems(parsed: &Parsed) -> Vec<Problem> {
     let mut problems = parsed.problems.clone();
     if let Some(scene) = parsed.scene.as_ref().filter(|_| !problems.is_empty()) {
-        problems.extend(parsed.relevant(resolve::resolve(scene, Reading::Whole).err().unwrap_or_default()));
+        let found = parsed.relevant(resolve::resolve(scene, Reading::Whole).err().unwrap_or_default());
+        // A value that is wrong in itself selects nothing either.
+        let is_new = |problem: &Problem| !parsed.problems.iter().any(|known| known.key == problem.key);
+        problems.extend(found.into_iter().filter(is_new));
     }
     problems.sort_by_key(|problem| problem.line);
     problems

@@ -117,7 +117,7 @@ class BoxMesh(TypedDict, total=False):
     cells: Numbers
     """Cells along x, y, z; at least 1 each."""
     element: CellKind
-    """The kind of element. A cell is one hexahedron, 2 wedges, 6 tetrahedra or 6 pyramids."""
+    """The kind of element. A cell is one hexahedron, 2 wedges or 6 tetrahedra. A mesh that is no body may also have 6 pyramids per cell."""
     origin: Numbers
     """The corner of smallest coordinates, m."""
     size: Numbers

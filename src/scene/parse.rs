@@ -19,6 +19,8 @@ pub struct Parsed {
     source: Option<Source>,
     /// Keys with substituted values.
     repaired: Vec<String>,
+    /// Keys that misspelt ones were taken for.
+    meant: Vec<String>,
 }
 
 /// The text of a scene file.
@@ -76,13 +78,19 @@ impl Scene {
                 let line = error.span().map(|span| Lines::of(&text).at(span.start));
                 let message = format!("not TOML: {}", error.message());
                 problems.push(Problem { line, ..Problem::new("", message) });
-                return Parsed { scene: None, problems, source: None, repaired: Vec::new() };
+                return Parsed {
+                    scene: None,
+                    problems,
+                    source: None,
+                    repaired: Vec::new(),
+                    meant: Vec::new(),
+                };
             }
         };
         let source = Source { lines: Lines::of(&text), document };
-        let (scene, found, repaired) = decode(&source);
+        let (scene, found, [repaired, meant]) = decode(&source);
         problems.extend(found);
-        let mut parsed = Parsed { scene, problems, source: Some(source), repaired };
+        let mut parsed = Parsed { scene, problems, source: Some(source), repaired, meant };
         if let Some(scene) = &parsed.scene {
             let found = parsed.relevant(scene.problems());
             parsed.problems.extend(found);
@@ -118,7 +126,14 @@ impl Parsed {
                     .strip_prefix(key.as_str())
                     .is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
             };
-            self.repaired.iter().any(of) || lacks_names && problem.message.starts_with("there is no ")
+            // Laws report their parameters by the key of their table.
+            let is_of_substitute = |key: &String| {
+                let leaf = key.strip_prefix(problem.key.as_str()).and_then(|rest| rest.strip_prefix('.'));
+                leaf.is_some_and(|leaf| problem.message.starts_with(&format!("{leaf} = ")))
+            };
+            self.repaired.iter().any(|key| of(key) || is_of_substitute(key))
+                || self.meant.contains(&problem.key)
+                || lacks_names && problem.message.starts_with("there is no ")
         };
         problems
             .into_iter()
@@ -128,11 +143,11 @@ impl Parsed {
     }
 }
 
-/// Decodes the scene of a file. Each fault is recorded and repaired, so that the rest can be read. The last list holds
-/// the keys that were repaired.
-fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
+/// Decodes the scene of a file. Each fault is recorded and repaired, so that the rest can be read. The last lists hold
+/// the keys that were repaired, and those that were meant by misspelt ones.
+fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, [Vec<String>; 2]) {
     let (structure, document) = (Structure::of_scenes(), &source.document);
-    let (mut problems, mut repaired) = (Vec::new(), Vec::new());
+    let (mut problems, mut repaired, mut meant) = (Vec::new(), Vec::new(), Vec::new());
     let mut text = document.raw().to_owned();
     let mut flaws = structure.inspect(document.as_item()).flaws;
     for flaw in &flaws {
@@ -141,13 +156,16 @@ fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
     }
     loop {
         if !flaws.is_empty() {
-            let Ok(mut changed) = text.parse::<DocumentMut>() else { return (None, problems, repaired) };
+            let Ok(mut changed) = text.parse::<DocumentMut>() else {
+                return (None, problems, [repaired, meant]);
+            };
             flaws.iter().for_each(|flaw| flaw.repair(&mut changed));
             repaired.extend(flaws.iter().map(|flaw| flaw.repaired.clone()));
+            meant.extend(flaws.iter().filter_map(Flaw::meant));
             text = changed.to_string();
         }
         let error = match toml_edit::de::from_str::<Scene>(&text) {
-            Ok(scene) => return (Some(scene), problems, repaired),
+            Ok(scene) => return (Some(scene), problems, [repaired, meant]),
             Err(error) => error,
         };
         match flaw_behind(&error, &text, &structure, &repaired) {
@@ -158,7 +176,7 @@ fn decode(source: &Source) -> (Option<Scene>, Vec<Problem>, Vec<String>) {
             }
             None => {
                 problems.push(Problem::new("", error.message().replace('\n', " ")));
-                return (None, problems, repaired);
+                return (None, problems, [repaired, meant]);
             }
         }
     }

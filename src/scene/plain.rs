@@ -15,9 +15,14 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     problems
 }
 
+/// Returns whether a number may be infinite: a bound of a box that selects nodes.
+pub(super) fn may_be_infinite(key: &str) -> bool {
+    key.contains(".box.min[") || key.contains(".box.max[")
+}
+
 fn walk(value: &Value, key: &str, problems: &mut Vec<Problem>) {
     match value {
-        Value::Null if key.contains(".box.min[") || key.contains(".box.max[") => {}
+        Value::Null if may_be_infinite(key) => {}
         // JSON cannot represent nan and infinities, and serde_json writes null. Keys without a value are left out.
         Value::Null => problems.push(Problem::new(key, "must be a finite number, is nan or infinite")),
         Value::String(text) => {

@@ -10,6 +10,7 @@ use std::ops::Range;
 use serde_json::{Map, Value as Json};
 use toml_edit::{Item, TableLike};
 
+use super::plain::may_be_infinite;
 pub(super) use view::span_of;
 use view::{List, View, end_of};
 
@@ -24,6 +25,17 @@ pub(super) struct Flaw {
     /// The key whose change repairs it.
     pub(super) repaired: String,
     repair: Repair,
+}
+
+impl Flaw {
+    /// Returns the key that was meant, if it was misspelt.
+    pub(super) fn meant(&self) -> Option<String> {
+        let Repair::Rename(name) = &self.repair else { return None };
+        Some(match self.repaired.rsplit_once('.') {
+            Some((table, _)) => format!("{table}.{name}"),
+            None => name.clone(),
+        })
+    }
 }
 
 /// The change that makes a file agree with the schema.
@@ -157,7 +169,7 @@ impl Structure {
             View::Array(_) => of_type(&["array"]),
             View::Text(_) => of_type(&["string"]),
             View::Integer(_) => of_type(&["integer", "number"]),
-            View::Float => of_type(&["number"]),
+            View::Float(_) => of_type(&["number"]),
             View::Boolean => of_type(&["boolean"]),
             View::Date => Vec::new(),
         };
@@ -202,7 +214,11 @@ impl Structure {
                 found.take(best);
             }
             View::Table(table) => self.table(table, &fitting, place, found),
-            View::Float | View::Boolean | View::Date => {}
+            View::Float(value) if !value.is_finite() && !may_be_infinite(&place.key) => {
+                let message = format!("must be a finite number, is {value}");
+                found.flaws.push(self.wrong(place, shape.schema, message));
+            }
+            View::Float(_) | View::Boolean | View::Date => {}
         }
     }
 
@@ -233,7 +249,13 @@ impl Structure {
         let tag = options.iter().find_map(|option| option.tag()).filter(|_| options.len() > 1);
         let mut left: Vec<&Shape> = options.to_vec();
         if let Some((tag, _)) = tag {
-            let tags: Vec<&str> = options.iter().filter_map(|option| Some(option.tag()?.1)).collect();
+            let mut tags: Vec<&str> = Vec::new();
+            for (_, name) in options.iter().filter_map(|option| option.tag()) {
+                // Solids and sheets have laws of the same name.
+                if !tags.contains(&name) {
+                    tags.push(name);
+                }
+            }
             let given = table.get(tag).and_then(|item| item.as_str());
             match given {
                 Some(name) if tags.contains(&name) => {
@@ -304,7 +326,7 @@ impl Structure {
                         Repair::Rename(meant.to_owned()),
                     ),
                     (None, None) => (
-                        format!("unknown key `{name}`; expected one of {}", list(&known, "`", "`")),
+                        format!("unknown key `{name}`{}", suggestion(name, &known, "`", "`")),
                         Repair::Remove,
                     ),
                 };

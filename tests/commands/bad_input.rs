@@ -529,6 +529,18 @@ fn boxes_may_be_half_infinite() {
     }
 }
 
+/// A number that is not finite is named by its key and its value, also in the tables of materials.
+#[test]
+fn numbers_that_are_not_finite_are_named() {
+    change(
+        "young = 1e6",
+        "young = nan",
+        &["scene.toml:9: body[0].material.young: must be a finite number, is NaN"],
+    );
+    change("density = 1000.0", "density = inf", &["scene.toml:9: body[0].material.density", "is inf"]);
+    change("step = 0.01", "step = -inf", &["scene.toml:4: time.step", "is -inf"]);
+}
+
 /// An amplitude without a finite value is named with its key, its value and the time: at the start by the check, later by the run.
 #[test]
 fn amplitudes_that_are_not_finite() {
@@ -570,6 +582,37 @@ fn rigid_and_deformable_bodies_are_told_apart() {
     refused(&format!("{GOOD}{joint}"), &["'beam' is deformable", "[[attach]]"]);
 }
 
+/// One mistake gives one message, also if a value that stands in for it, or the same value later, would give another.
+#[test]
+fn one_mistake_is_one_problem() {
+    let without = |from: &str, to: &str| GOOD.replace(from, to);
+    for (scene, expected) in [
+        (without("poisson = 0.3, ", ""), "body[0].material.poisson: missing key"),
+        (without("step = 0.01", "step = 0"), "time.step: must be positive"),
+        (without("[[body]]", "[windd]\nvelocity = [1, 0, 0]\n[[body]]"), "did you mean `wind`?"),
+        (
+            without("region = \"clamp\"", "box = { min = [1, 0, 0], max = [0, 1, 1] }"),
+            "`min` must not exceed",
+        ),
+        (without("step = 0.01", "step = 0.01\nstp = 0.02"), "unknown key `stp`; did you mean `step`?"),
+    ] {
+        let program = Program::check(&scene);
+        let errors = program.errors();
+        assert_eq!(program.code(), Some(2), "{errors}");
+        assert_eq!(errors.matches("error:").count(), 1, "{errors}");
+        assert!(errors.contains(expected), "no {expected:?} in {errors}");
+    }
+    // Solids and sheets share names of laws, which are listed once.
+    let errors = Program::check(&without("neo-hookean", "jelly")).errors();
+    assert_eq!(errors.matches("\"st-venant-kirchhoff\"").count(), 1, "{errors}");
+    let cells = "box = { size = [1, 1, 1], cells = [1, -4, 0] }";
+    let scene = without("mesh = \"MESHES/beam.msh\"", cells).replace("\"clamp\"", "\"x-min\"");
+    refused(
+        &scene,
+        &["body[0].box.cells[1]: must be at least 1, is -4", "cells[2]: must be at least 1, is 0"],
+    );
+}
+
 /// Messages shorten long names and still end with the remedy.
 #[test]
 fn very_long_names() {
@@ -578,6 +621,11 @@ fn very_long_names() {
         ("region = \"clamp\"", format!("region = \"{long}\""), "clamp"),
         ("[[fix]]", format!("{long} = 1\n[[fix]]"), "unknown key"),
         ("scheme = \"stormer-verlet\"", format!("scheme = \"{long}\""), "implicit-midpoint"),
+        (
+            "[time]",
+            format!("gravity_amplitude = \"{}$\"\n[time]", "1+".repeat(100_000)),
+            "character 200001: expected a number",
+        ),
     ] {
         let program = Program::check(&GOOD.replace(from, &to));
         let said = program.errors();

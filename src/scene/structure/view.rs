@@ -11,7 +11,7 @@ pub(super) enum View<'a> {
     Array(List<'a>),
     Text(&'a str),
     Integer(i64),
-    Float,
+    Float(f64),
     Boolean,
     Date,
 }
@@ -30,7 +30,7 @@ impl<'a> View<'a> {
         match value {
             Value::String(text) => Self::Text(text.value()),
             Value::Integer(value) => Self::Integer(*value.value()),
-            Value::Float(_) => Self::Float,
+            Value::Float(value) => Self::Float(*value.value()),
             Value::Boolean(_) => Self::Boolean,
             Value::Datetime(_) => Self::Date,
             Value::Array(values) => Self::Array(List::Values(values)),
@@ -44,7 +44,7 @@ impl<'a> View<'a> {
             Self::Array(_) => "a list",
             Self::Text(_) => "a string",
             Self::Integer(_) => "a whole number",
-            Self::Float => "a number",
+            Self::Float(_) => "a number",
             Self::Boolean => "true or false",
             Self::Date => "a date",
         }

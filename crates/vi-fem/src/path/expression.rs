@@ -196,6 +196,9 @@ impl PartialEq for Expression {
     }
 }
 
+/// Number of characters that a message shows on each side of a fault in a long formula.
+const NEAR: usize = 40;
+
 struct Parser<'a> {
     source: &'a str,
     rest: &'a str,
@@ -208,8 +211,21 @@ impl<'a> Parser<'a> {
     fn error(&self, expected: &str) -> FemError {
         let place = self.source[..self.source.len() - self.rest.len()].chars().count() + 1;
         let found = self.rest.chars().next().map_or("the end".to_owned(), |c| format!("'{c}'"));
-        let problem = format!("\"{}\", character {place}: expected {expected}, found {found}", self.source);
+        let problem =
+            format!("\"{}\", character {place}: expected {expected}, found {found}", self.excerpt(place));
         FemError::Invalid { what: "expression", problem }
+    }
+
+    /// Returns the formula, or of a long one what is near this character, counted from 1.
+    fn excerpt(&self, place: usize) -> String {
+        let count = self.source.chars().count();
+        if count <= 4 * NEAR {
+            return self.source.to_owned();
+        }
+        let (first, last) = (place.saturating_sub(NEAR), (place + NEAR).min(count));
+        let part: String = self.source.chars().skip(first).take(last - first).collect();
+        let [before, after] = [first > 0, last < count].map(|is_cut| if is_cut { "…" } else { "" });
+        format!("{before}{part}{after}")
     }
 
     fn skip_space(&mut self) {

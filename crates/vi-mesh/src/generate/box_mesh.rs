@@ -13,8 +13,10 @@ pub struct BoxMesh {
     /// Extents along x, y, z, m; positive.
     pub size: [f64; 3],
     /// Cells along x, y, z; at least 1 each.
+    #[cfg_attr(feature = "serde", schemars(inner(range(min = 1))))]
     pub cells: [u32; 3],
-    /// The kind of element. A cell is one hexahedron, 2 wedges, 6 tetrahedra or 6 pyramids.
+    /// The kind of element. A cell is one hexahedron, 2 wedges or 6 tetrahedra. A mesh that is no body may also have 6 pyramids
+    /// per cell.
     #[cfg_attr(feature = "serde", serde(default = "default_element"))]
     pub element: CellKind,
     /// The corner of smallest coordinates, m.

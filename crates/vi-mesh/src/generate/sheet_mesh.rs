@@ -12,6 +12,7 @@ pub struct SheetMesh {
     /// Extents along the two directions, m; positive.
     pub size: [f64; 2],
     /// Cells along the two directions; at least 1 each.
+    #[cfg_attr(feature = "serde", schemars(inner(range(min = 1))))]
     pub cells: [u32; 2],
     /// The pattern by which cells are cut into triangles.
     #[cfg_attr(feature = "serde", serde(default))]
