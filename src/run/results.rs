@@ -5,6 +5,7 @@ use std::collections::{HashMap, HashSet};
 
 use serde::Serialize;
 use vi_fem::ElementField;
+use vi_solvers::EdgeCouple;
 
 use crate::model::NodeSet;
 use crate::simulation::Simulation;
@@ -56,7 +57,7 @@ pub struct Reaction {
     pub centroid: [f64; 3],
     /// Σ r, N: the force of the support on the body.
     pub force: [f64; 3],
-    /// Σ (x − centroid) × r, N m.
+    /// Σ (x − centroid) × r, plus the couples at edges whose normals the fix holds, N m.
     pub moment: [f64; 3],
 }
 
@@ -136,6 +137,7 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         let x = simulation.places(body);
         of_nodes.iter_mut().for_each(|(&node, [of_node, _])| *of_node = x.of(node as usize));
     }
+    let mut couples: HashMap<usize, Vec<EdgeCouple>> = HashMap::new();
     let mut counted: HashSet<(usize, u32, usize)> = HashSet::new();
     let mut all = Vec::new();
     for (fix, NodeSet { body, nodes }) in simulation.fixed_nodes() {
@@ -162,6 +164,19 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
                 force[k] += own[k];
                 moment[k] += arm[i] * own[j] - arm[j] * own[i];
             }
+        }
+        if fix.rotation || fix.symmetry {
+            // Each couple counts for the first fix that holds its edge.
+            let held: HashSet<u32> =
+                nodes.iter().map(|&node| simulation.bodies()[body].node(node as usize) as u32).collect();
+            let left = couples.entry(body).or_insert_with(|| simulation.edge_couples(body));
+            left.retain(|edge| {
+                let is_own = edge.nodes.iter().all(|node| held.contains(node));
+                if is_own {
+                    moment.iter_mut().zip(edge.couple).for_each(|(moment, couple)| *moment += couple);
+                }
+                !is_own
+            });
         }
         all.push(Reaction {
             body: fix.body.clone(),

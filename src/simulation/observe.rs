@@ -254,6 +254,13 @@ impl Simulation {
         self.of_nodes(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
+    /// Returns the couples that act at edges of body number `body` whose normals are held. Nodes are numbered in the
+    /// component.
+    pub(crate) fn edge_couples(&self, body: usize) -> Vec<vi_solvers::EdgeCouple> {
+        let Component { system, state, .. } = &self.components[self.bodies[body].component];
+        vi_solvers::edge_couples(system, state)
+    }
+
     /// Returns the accelerations of the nodes of body number `body`, m/s²: M⁻¹(f − ∂V/∂x) at free coordinates, and
     /// those of the path at prescribed ones.
     pub fn accelerations(&self, body: usize) -> Vec<[f64; 3]> {

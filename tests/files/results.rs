@@ -42,12 +42,8 @@ fn vector(value: &Value) -> [f64; 3] {
     [0, 1, 2].map(|k| value[k].as_f64().unwrap())
 }
 
-#[test]
-fn reactions_of_statics_carry_the_weight() {
-    let program = Program::run(HANGING);
-    let report = program.report();
-    let reactions = report["results"]["reactions"].as_array().unwrap();
-    assert_eq!(reactions.len(), 2);
+/// Returns the sum of the reactions, and of their moments about the origin.
+fn resultant(reactions: &[Value]) -> ([f64; 3], [f64; 3]) {
     let (mut force, mut moment) = ([0.0; 3], [0.0; 3]);
     for reaction in reactions {
         let (f, m, c) =
@@ -58,6 +54,87 @@ fn reactions_of_statics_carry_the_weight() {
             moment[k] += m[k] + c[i] * f[j] - c[j] * f[i];
         }
     }
+    (force, moment)
+}
+
+/// The forces and moments of clamps balance a load on the middle or the end of a plate, whatever holds the other end, on any mesh.
+/// A cantilever's clamp takes F and F L.
+#[test]
+fn clamps_balance_force_and_moment() {
+    let plate = |bending: &str, cells: u32, at: f64, far: &str| {
+        let scene = format!(
+            "[time]\nend = 1.0\nstep = 1.0\n[static]\ntolerance = 1e-13\n[[body]]\nname = \"plate\"\n\
+             sheet = {{ size = [1.0, 0.5], cells = [{cells}, 4], pattern = \"random\" }}\n\
+             material = {{ law = \"st-venant-kirchhoff\", young = 1e9, poisson = 0.3, density = 1000.0, \
+             thickness = 2e-2, bending = \"{bending}\" }}\n\
+             [[fix]]\nbody = \"plate\"\nregion = \"x-min\"\nrotation = true\n{far}\
+             [[load]]\nkind = \"point\"\nbody = \"plate\"\npoint = [{at}, 0.25, 0.0]\nforce = [0.0, 0.0, 1.0]\n\
+             [[probe]]\nname = \"all\"\nbody = \"plate\"\nsum = \"reaction_force\"\n\
+             [[probe]]\nname = \"loaded\"\nbody = \"plate\"\npoint = [{at}, 0.25, 0.0]\n"
+        );
+        let program = Program::run(&scene);
+        let report = program.report();
+        let reactions = report["results"]["reactions"].as_array().unwrap().clone();
+        let history = program.history();
+        let place = ["loaded.x", "loaded.y", "loaded.z"].map(|column| history.last(column));
+        (reactions, history.last("all.sum.reaction_force.z"), place)
+    };
+    let fix = "[[fix]]\nbody = \"plate\"\nregion = \"x-max\"\n";
+    for bending in ["shell", "hinge", "quadratic"] {
+        for (cells, at, far) in [
+            (4, 1.0, String::new()),
+            (16, 1.0, String::new()),
+            (8, 0.5, format!("{fix}axes = [\"z\"]\n")),
+            (8, 0.5, format!("{fix}rotation = true\n")),
+        ] {
+            let (reactions, sum, [x, y, _]) = plate(bending, cells, at, &far);
+            let (force, moment) = resultant(&reactions);
+            let what = format!("{bending}, {cells} cells, {far:?}: {force:?} N, {moment:?} N m");
+            assert!((sum + 1.0).abs() < 1e-8, "{what}: {sum} N over the nodes");
+            // The moment of a unit force along z at (x, y) is (y, −x, 0).
+            for k in 0..3 {
+                assert!((force[k] + [0.0, 0.0, 1.0][k]).abs() < 1e-8, "{what}");
+                assert!((moment[k] + [y, -x, 0.0][k]).abs() < 1e-8, "{what}");
+            }
+        }
+    }
+}
+
+/// A clamp that moves keeps the slope of its sheet: a sheet that moves with it stays free of stress and needs no force.
+#[test]
+fn a_sheet_that_moves_with_its_clamp_feels_nothing() {
+    let program = Program::run(
+        r#"
+[time]
+end = 0.01
+step = 1e-3
+scheme = "implicit-midpoint"
+[[body]]
+name = "plate"
+sheet = { size = [1.0, 0.5], cells = [6, 3] }
+material = { law = "st-venant-kirchhoff", young = 1e9, poisson = 0.3, density = 1000.0, thickness = 2e-2 }
+velocity = [0.0, 0.0, 10.0]
+[[fix]]
+body = "plate"
+region = "x-min"
+rotation = true
+motion = { kind = "translate", velocity = [0.0, 0.0, 10.0] }
+"#,
+    );
+    let history = program.history();
+    assert!(history.last("elastic").abs() < 1e-12, "{} J", history.last("elastic"));
+    let report = program.report();
+    let (force, moment) = resultant(report["results"]["reactions"].as_array().unwrap());
+    assert!(force.iter().chain(&moment).all(|value| value.abs() < 1e-4), "{force:?} N, {moment:?} N m");
+}
+
+#[test]
+fn reactions_of_statics_carry_the_weight() {
+    let program = Program::run(HANGING);
+    let report = program.report();
+    let reactions = report["results"]["reactions"].as_array().unwrap();
+    assert_eq!(reactions.len(), 2);
+    let (force, moment) = resultant(reactions);
     let mass = 1000.0 * 0.06;
     let weight = [mass, 2.0 * mass, -9.81 * mass];
     for k in 0..3 {

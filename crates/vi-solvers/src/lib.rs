@@ -24,7 +24,9 @@ pub use assemble::fixed::AssemblyWork;
 pub use assemble::hessian::HessianEvaluation;
 pub use equilibrium::function::PathFunction;
 pub use equilibrium::load_control::{equilibrium, equilibrium_path};
-pub use equilibrium::nodal_forces::{accelerations, external_forces, net_forces, reactions};
+pub use equilibrium::nodal_forces::{
+    EdgeCouple, accelerations, edge_couples, external_forces, net_forces, reactions,
+};
 pub use equilibrium::options::{CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport};
 pub use equilibrium::path_following::{PathControl, path_following};
 pub use equilibrium::quasi_static::quasi_static;

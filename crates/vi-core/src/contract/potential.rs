@@ -271,6 +271,13 @@ pub trait Potential: Send + Sync {
         None
     }
 
+    /// Returns the two nodes of the first edge of stencil `stencil` whose normal a support holds within this term, if
+    /// there is one. V_s is then not invariant under rotations: the support exerts the couple −Σ x × ∂V_s/∂x (N m) on
+    /// the stencil.
+    fn held_edge(&self, _stencil: usize) -> Option<[u32; 2]> {
+        None
+    }
+
     /// Returns the element of stencil `stencil`, in the numbering of its mesh.
     fn element(&self, stencil: usize) -> usize {
         stencil

@@ -1,4 +1,4 @@
-//! Accelerations and forces at the nodes, for observers. They are evaluated only on request.
+//! Accelerations, forces at the nodes and couples of clamped edges, for observers. They are evaluated only on request.
 
 use vi_core::{Account, ForceAccount, State, Stencils, System};
 
@@ -103,4 +103,41 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     }
     system.coordinates().to_space(&mut out);
     out
+}
+
+/// The couple that a support exerts at an edge of a sheet whose normal it holds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EdgeCouple {
+    /// The nodes at the ends of the edge.
+    pub nodes: [u32; 2],
+    /// The couple on the sheet, N m.
+    pub couple: [f64; 3],
+}
+
+/// Returns the couples −Σ x × ∂V_s/∂x of supports that hold normals of edges, one for each stencil s with such an
+/// edge. With [`reactions`] they balance the moment of the loads.
+pub fn edge_couples(system: &System, state: &State) -> Vec<EdgeCouple> {
+    let x = system.positions(state);
+    let mut couples = Vec::new();
+    for term in system.potentials() {
+        let stencils = term.stencils();
+        let mut gradient = vec![0.0; stencils.size()];
+        for stencil in 0..stencils.count() {
+            let Some(nodes) = term.held_edge(stencil) else { continue };
+            term.gradients(stencil..stencil + 1, &x, state.t, &mut gradient);
+            let mut couple = [0.0; 3];
+            // The gradients of a stencil sum to zero: arms may begin anywhere, and those from a node nearby have the
+            // least round-off.
+            let place = |node: u32, k: usize| x[3 * node as usize + k];
+            for (&node, force) in stencils.of(stencil).iter().zip(gradient.as_chunks::<3>().0) {
+                let arm = [0, 1, 2].map(|k| place(node, k) - place(nodes[0], k));
+                for (k, couple) in couple.iter_mut().enumerate() {
+                    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                    *couple -= arm[i] * force[j] - arm[j] * force[i];
+                }
+            }
+            couples.push(EdgeCouple { nodes, couple });
+        }
+    }
+    couples
 }

@@ -12,7 +12,7 @@ use vi_core::Potential;
 use super::hinges::{Hinge, Opposite, hinges};
 use super::patches::patches;
 use super::sheet::BentSheet;
-use super::stencil::{Bend, CARRIED, HELD, Stencil};
+use super::stencil::{Bend, CARRIED, Stencil};
 use crate::error::FemError;
 
 pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
@@ -28,17 +28,16 @@ pub(super) fn from_hinges<'a>(
     let stencil = |(index, hinge): (usize, &Hinge)| {
         let stiffness = across(sheet, hinge) * hinge.length.powi(2) / hinge.area();
         let mut nodes: Vec<u32> = hinge.nodes.iter().map(|node| node + offset).collect();
-        let (last, point) = match hinge.opposite {
+        let (last, vector) = match hinge.opposite {
             Opposite::Node(node, _) => {
                 nodes.push(node + offset);
                 (3, [0.0; 3])
             }
-            Opposite::Held(point) => (HELD, point),
-            Opposite::Mirror(vector) => (CARRIED, vector),
+            Opposite::Held(vector) | Opposite::Mirror(vector) => (CARRIED, vector),
         };
         let (corners, rest_angle) = ([0, 1, 2, last], hinge.rest_angle);
         let form = [(stiffness / unit).sqrt()];
-        Stencil { nodes, bends: vec![Bend { hinge: index as u32, corners, point, rest_angle, form }] }
+        Stencil { nodes, bends: vec![Bend { hinge: index as u32, corners, vector, rest_angle, form }] }
     };
     patches(hinges.into_iter().enumerate().map(stencil).collect(), sheet)
 }

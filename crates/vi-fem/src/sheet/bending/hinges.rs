@@ -11,10 +11,12 @@ use vi_mesh::Triangulation;
 pub(super) enum Opposite {
     /// The free corner of a second triangle, and that triangle with the number of its edge.
     Node(u32, (u32, u8)),
-    /// A point fixed in space: the second triangle is the support.
+    /// A vector from the edge that is fixed in space: the second triangle is the support, which moves with the edge and
+    /// keeps its normal. The vector is normal to the edge at rest, so that the support exerts a couple along the edge
+    /// alone, besides the forces at its nodes.
     Held([f64; 3]),
-    /// A vector from the edge that is fixed in space. The support moves with the edge and stays normal to a mirror
-    /// plane. The energy is half that of the triangle and its mirror image at their common edge.
+    /// The same with the normal of a mirror plane as the vector. The energy is half that of the triangle and its mirror
+    /// image at their common edge.
     Mirror([f64; 3]),
 }
 
@@ -81,7 +83,7 @@ pub(super) fn hinges(sheet: &BentSheet) -> Result<Vec<Hinge>, FemError> {
     };
     for &edge in sheet.clamped {
         let side = side_of(edge, "clamped edge")?;
-        hinges.push(hinge(sheet, side, Opposite::Held(mirrored_corner(sheet, side)), true)?);
+        hinges.push(hinge(sheet, side, Opposite::Held(continued(sheet, side)), true)?);
     }
     for &(edge, normal) in sheet.mirrored {
         let side = side_of(edge, "mirrored edge")?;
@@ -99,12 +101,13 @@ fn away(sheet: &BentSheet, side: (u32, u8), normal: [f64; 3]) -> [f64; 3] {
     normal.map(|n| if dot(r, normal) > 0.0 { -scale * n } else { scale * n })
 }
 
-/// Returns the free corner of a triangle, reflected at its edge within the plane of the triangle.
-fn mirrored_corner(sheet: &BentSheet, side: (u32, u8)) -> [f64; 3] {
+/// Returns the height of a triangle continued beyond its edge: the vector from the foot of its free corner on the edge
+/// away from that corner.
+fn continued(sheet: &BentSheet, side: (u32, u8)) -> [f64; 3] {
     let [c, a, b] = sheet.surface.around(side.0, side.1).map(|node| sheet.surface.points[node as usize]);
     let (e, r) = ([0, 1, 2].map(|i| b[i] - a[i]), [0, 1, 2].map(|i| c[i] - a[i]));
     let s = dot(r, e) / dot(e, e);
-    [0, 1, 2].map(|i| 2.0 * (a[i] + s * e[i]) - c[i])
+    [0, 1, 2].map(|i| s * e[i] - r[i])
 }
 
 fn hinge(
@@ -118,8 +121,7 @@ fn hinge(
     let [c, a, b] = surface.around(first.0, first.1);
     let d = match opposite {
         Opposite::Node(node, _) => point(node),
-        Opposite::Held(position) => position,
-        Opposite::Mirror(vector) => [0, 1, 2].map(|i| point(a)[i] + vector[i]),
+        Opposite::Held(vector) | Opposite::Mirror(vector) => [0, 1, 2].map(|i| point(a)[i] + vector[i]),
     };
     let corners = [point(a), point(b), point(c), d];
     let near = wing(surface, first, a);

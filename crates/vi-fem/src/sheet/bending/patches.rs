@@ -15,7 +15,7 @@ use vi_core::{Account, HessianKind, Patch, Potential, Stencils, Traits, packed_l
 
 use super::runs::Runs;
 use super::sheet::BentSheet;
-use super::stencil::{BENDS, Bend, CARRIED, FormPack, HELD, Stencil, dot_add, turn};
+use super::stencil::{BENDS, Bend, CARRIED, FormPack, Stencil, dot_add, turn};
 use crate::lanes::pack::{GROUP, Pack, interleave, parts};
 use crate::lanes::real::{Lane, Real};
 use crate::lanes::transpose::{gather, put};
@@ -25,7 +25,7 @@ use crate::small::tensor::{packed_index, vec3};
 /// Largest number of nodes of a stencil.
 const MOST: usize = 12;
 
-/// Returns the local node with which corner c of a hinge moves; at least [`MOST`] if the corner is fixed.
+/// Returns the local node with which corner c of a hinge moves.
 #[inline(always)]
 fn node_of(corners: &[u8; 4], c: usize) -> usize {
     usize::from(if corners[c] == CARRIED { corners[0] } else { corners[c] })
@@ -147,8 +147,8 @@ impl<const F: usize> Patches<F> {
                 |value: &dyn Fn(&Bend<F>) -> f64| Pack(std::array::from_fn(|l| value(&lane(l).bends[b])));
             self.forms.push(FormPack(std::array::from_fn(|f| pack(&|bend| bend.form[f]))));
             self.rests.push([pack(&|bend| bend.rest_angle.sin()), pack(&|bend| bend.rest_angle.cos())]);
-            if bend.corners[3] >= CARRIED {
-                self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.point[i])));
+            if bend.corners[3] == CARRIED {
+                self.held.push([0, 1, 2].map(|i| pack(&|bend| bend.vector[i])));
             }
         }
         self.nodes.extend(stencils.iter().flat_map(|stencil| &stencil.nodes));
@@ -195,16 +195,10 @@ impl<const F: usize> Patches<F> {
         held: &mut usize,
         at: &[[Lane<S>; 3]; MOST],
     ) -> Fold<Lane<S>> {
-        let last = if corners[3] >= CARRIED {
-            let point = &self.held[*held];
+        let last = if corners[3] == CARRIED {
+            let (first, vector) = (at[usize::from(corners[0])], &self.held[*held]);
             *held += 1;
-            let point: [Lane<S>; 3] = vec3!(i => point[i].load(simd, part));
-            if corners[3] == HELD {
-                point
-            } else {
-                let first = at[usize::from(corners[0])];
-                vec3!(i => first[i] + point[i])
-            }
+            vec3!(i => first[i] + vector[i].load(simd, part))
         } else {
             at[usize::from(corners[3])]
         };
@@ -297,10 +291,8 @@ impl<const F: usize> WithSimd for Gradients<'_, F> {
                     let moment = softening.mul_add(own - coupled, coupled);
                     for c in 0..4 {
                         let corner = node_of(&pattern[b], c);
-                        if corner < MOST {
-                            for i in 0..3 {
-                                sum[corner][i] = moment.mul_add(slopes[b][c][i], sum[corner][i]);
-                            }
+                        for i in 0..3 {
+                            sum[corner][i] = moment.mul_add(slopes[b][c][i], sum[corner][i]);
                         }
                     }
                 }
@@ -386,8 +378,7 @@ impl<const F: usize> WithSimd for Hessians<'_, F> {
                     let (second, moment) = (second * patches.unit, moment * patches.unit);
                     let slope = fold.gradient();
                     let curvature = if is_projected { [[zero; 12]; 12] } else { fold.hessian() };
-                    let inside = if pattern[b][3] == HELD { 9 } else { 12 };
-                    for n in 0..inside {
+                    for n in 0..12 {
                         let row = 3 * node_of(&pattern[b], n / 3) + n % 3;
                         let along = second * slope[n / 3][n % 3];
                         for m in 0..=n {
@@ -453,6 +444,12 @@ impl<const F: usize> Potential for Patches<F> {
 
     fn run_length(&self) -> usize {
         self.runs.length
+    }
+
+    fn held_edge(&self, stencil: usize) -> Option<[u32; 2]> {
+        let pattern = &self.patterns[self.groups[self.group_of[stencil] as usize].pattern];
+        let [a, b, ..] = *pattern.iter().find(|corners| corners[3] == CARRIED)?;
+        Some([a, b].map(|corner| self.nodes[stencil * self.arity + usize::from(corner)]))
     }
 
     fn adds_gradients(&self) -> bool {

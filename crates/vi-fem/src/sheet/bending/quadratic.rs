@@ -44,12 +44,9 @@ pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, F
                 pairs.nodes.push(node + offset);
                 pairs.terms.push(Jump { stiffness, weights, constant: [0.0; 3], normal: [0.0; 3] });
             }
-            Opposite::Held(point) => {
-                // The support's slope is the unit vector from the foot on the edge to the mirrored corner.
-                let [a, b] = [0, 1].map(|k| sheet.surface.points[hinge.nodes[k] as usize]);
-                let s = hinge.feet[1] / hinge.length;
-                let constant =
-                    [0, 1, 2].map(|i| (point[i] - (0.5 - s) * a[i] - (0.5 + s) * b[i]) / far_height);
+            Opposite::Held(vector) => {
+                // The slope of the support is the unit vector along its height.
+                let constant = vector.map(|v| v / far_height);
                 held.nodes.extend(hinge.nodes.map(|node| node + offset));
                 let weights = [one[0], one[1], 1.0 / height, 0.0];
                 held.terms.push(Jump { stiffness, weights, constant, normal: [0.0; 3] });
@@ -118,6 +115,11 @@ impl Potential for Jumps {
 
     fn traits(&self) -> Traits {
         Traits { hessian: HessianKind::Constant, time_dependent: false }
+    }
+
+    fn held_edge(&self, stencil: usize) -> Option<[u32; 2]> {
+        let nodes = self.stencils().of(stencil);
+        (self.arity == 3).then(|| [nodes[0], nodes[1]])
     }
 
     fn energies(&self, range: Range<usize>, x: &[f64], _t: f64, out: &mut [f64]) {

@@ -12,7 +12,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 use vi_core::{Patch, PatchArray};
 
-use super::stencil::{BENDS, Bend, CARRIED, FormPack, HELD, Stencil, dot_add, turn};
+use super::stencil::{BENDS, Bend, CARRIED, FormPack, Stencil, dot_add, turn};
 use crate::lanes::pack::{GROUP, Pack, parts};
 use crate::lanes::places::{add_to_places, gather_places};
 use crate::lanes::real::{Lane, Real};
@@ -37,13 +37,13 @@ struct Run {
     hinges: Range<usize>,
 }
 
-/// Up to eight hinges of a run whose fourth corners are of one kind. A group that is not full repeats its last hinge; no
+/// Up to eight hinges of a run, all of triangles or all of supports. A group that is not full repeats its last hinge; no
 /// stencil acts on the copies.
 struct HingePack {
-    /// Each corner by its index among the places of the run. A fourth corner that is fixed repeats the first.
+    /// Each corner by its index among the places of the run. That of a support repeats the first.
     corners: [[u16; GROUP]; 4],
-    /// [`HELD`] or [`CARRIED`] if the fourth corners are fixed, with their points or vectors, m.
-    fixed: Option<(u8, Box<[Pack; 3]>)>,
+    /// The vectors from the first corners to [`CARRIED`] fourth ones, m.
+    carried: Option<Box<[Pack; 3]>>,
     /// sin θ̄ and cos θ̄.
     rest: [Pack; 2],
     /// Σ |form|² over the stencils of the run.
@@ -69,7 +69,7 @@ fn hinges_of_run<const F: usize>(
         for bend in &stencil.bends {
             let place = *places.entry(bend.hinge).or_insert_with(|| {
                 let place = |c: usize| {
-                    let corner = bend.corners[if bend.corners[c] >= CARRIED { 0 } else { c }];
+                    let corner = bend.corners[if bend.corners[c] == CARRIED { 0 } else { c }];
                     (index * arity + usize::from(corner)) as u16
                 };
                 members.push(Member { bend, corners: [0, 1, 2, 3].map(place), stiffness: 0.0 });
@@ -78,7 +78,7 @@ fn hinges_of_run<const F: usize>(
             members[place].stiffness += bend.form.iter().map(|form| form * form).sum::<f64>();
         }
     }
-    let kind = |member: &Member<F>| member.bend.corners[3].max(CARRIED - 1);
+    let kind = |member: &Member<F>| member.bend.corners[3] == CARRIED;
     members.sort_by_key(kind);
     let (mut packs, mut numbers) = (Vec::new(), BTreeMap::new());
     for members in members.chunk_by(|a, b| kind(a) == kind(b)) {
@@ -103,11 +103,10 @@ fn pack<'a, const F: usize>(
 ) -> HingePack {
     let lanes: [_; GROUP] = std::array::from_fn(|lane| member(lane).unwrap_or(first));
     let angle = |value: fn(f64) -> f64| Pack(lanes.map(|member| value(member.bend.rest_angle)));
-    let kind = first.bend.corners[3];
-    let points = [0, 1, 2].map(|i| Pack(lanes.map(|member| member.bend.point[i])));
+    let vectors = [0, 1, 2].map(|i| Pack(lanes.map(|member| member.bend.vector[i])));
     HingePack {
         corners: [0, 1, 2, 3].map(|c| lanes.map(|member| member.corners[c])),
-        fixed: (kind >= CARRIED).then(|| (kind, Box::new(points))),
+        carried: (first.bend.corners[3] == CARRIED).then(|| Box::new(vectors)),
         rest: [angle(f64::sin), angle(f64::cos)],
         stiffness: Pack(std::array::from_fn(|lane| member(lane).map_or(0.0, |member| member.stiffness))),
     }
@@ -136,9 +135,8 @@ impl HingePack {
     ) -> Fold<Lane<S>> {
         let first_lane = part * S::F64_LANES;
         let [first, second, third] = vec3!(c => gather_places(simd, x, &places[c][first_lane..], 1));
-        let last = if let Some((kind, point)) = &self.fixed {
-            let point: [Lane<S>; 3] = vec3!(i => point[i].load(simd, part));
-            if *kind == HELD { point } else { vec3!(i => first[i] + point[i]) }
+        let last = if let Some(vectors) = &self.carried {
+            vec3!(i => first[i] + vectors[i].load(simd, part))
         } else {
             gather_places(simd, x, &places[3][first_lane..], 1)
         };
@@ -289,17 +287,13 @@ impl<const F: usize> WithSimd for Forces<'_, F> {
                 let coupled = evaluated.coupled.load(simd, part);
                 let own = hinges.stiffness.load(simd, part) * evaluated.psi.load(simd, part);
                 let moment = evaluated.softening.load(simd, part).mul_add(own - coupled, coupled) * unit;
-                let moved = match hinges.fixed {
-                    Some((HELD, _)) => 3,
-                    _ => 4,
-                };
                 let [one, two] = &evaluated.free;
                 let slopes = Slopes {
                     free: [vec3!(i => one[i].load(simd, part)), vec3!(i => two[i].load(simd, part))],
                     s: [evaluated.s[0].load(simd, part), evaluated.s[1].load(simd, part)],
                 };
                 let slopes = slopes.at_corners();
-                for c in 0..moved {
+                for c in 0..4 {
                     let force = vec3!(i => moment * slopes[c][i]);
                     add_to_places(simd, force, &places[c][first_lane..], 1, sums);
                 }

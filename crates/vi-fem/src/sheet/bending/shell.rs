@@ -19,7 +19,7 @@ use super::hinges::{Hinge, Opposite, hinges};
 use super::patches::patches;
 use super::reconstruction::{Turn, edge_frames, turns};
 use super::sheet::BentSheet;
-use super::stencil::{Bend, CARRIED, HELD, Stencil};
+use super::stencil::{Bend, CARRIED, Stencil};
 use crate::error::FemError;
 
 pub(super) fn potentials(sheet: &BentSheet) -> Result<Vec<Box<dyn Potential>>, FemError> {
@@ -125,18 +125,14 @@ fn bend((index, hinge): (u32, &Hinge), viewer: u32, form: [f64; 3], nodes: &mut 
         }) as u8
     };
     let [a, b, c] = hinge.nodes;
-    let (corners, point) = match hinge.opposite {
+    let (corners, vector) = match hinge.opposite {
         // The angle is the same from both sides.
         Opposite::Node(d, _) if hinge.first.0 != viewer => ([b, a, d, c].map(&mut local), [0.0; 3]),
         Opposite::Node(d, _) => ([a, b, c, d].map(&mut local), [0.0; 3]),
-        Opposite::Held(point) => {
-            let [a, b, c] = [a, b, c].map(&mut local);
-            ([a, b, c, HELD], point)
-        }
-        Opposite::Mirror(vector) => {
+        Opposite::Held(vector) | Opposite::Mirror(vector) => {
             let [a, b, c] = [a, b, c].map(&mut local);
             ([a, b, c, CARRIED], vector)
         }
     };
-    Bend { hinge: index, corners, point, rest_angle: hinge.rest_angle, form }
+    Bend { hinge: index, corners, vector, rest_angle: hinge.rest_angle, form }
 }

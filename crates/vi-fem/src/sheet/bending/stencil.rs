@@ -10,20 +10,17 @@ use crate::sheet::dihedral::Fold;
 /// Largest number of hinges of a stencil: three of its triangle and two of each neighbour.
 pub(super) const BENDS: usize = 9;
 
-/// Marks a fourth corner that is fixed in space.
-pub(super) const HELD: u8 = u8::MAX;
-
-/// Marks a fourth corner at a vector from the first that is fixed in space.
-pub(super) const CARRIED: u8 = u8::MAX - 1;
+/// Marks a fourth corner of a support, at a vector from the first that is fixed in space.
+pub(super) const CARRIED: u8 = u8::MAX;
 
 /// A hinge of a stencil.
 pub(super) struct Bend<const F: usize> {
     /// The number of the hinge in the sheet.
     pub(super) hinge: u32,
-    /// The corners as local nodes of the stencil; the fourth may be [`HELD`] or [`CARRIED`].
+    /// The corners as local nodes of the stencil; the fourth may be [`CARRIED`].
     pub(super) corners: [u8; 4],
-    /// The position of a [`HELD`] fourth corner, or the vector from the first to a [`CARRIED`] one, m.
-    pub(super) point: [f64; 3],
+    /// The vector from the first corner to a [`CARRIED`] fourth one, m.
+    pub(super) vector: [f64; 3],
     pub(super) rest_angle: f64,
     /// The coefficients in the F forms: roots of energies in the unit of [`BentSheet::unit`](super::sheet::BentSheet::unit).
     pub(super) form: [f64; F],
