@@ -301,3 +301,47 @@ fn what_cannot_be_followed_is_refused_with_the_way_out() {
         "does not respond to the load",
     );
 }
+
+/// A column buckles once: at Euler's load, and no other load factor is named however far the unstable path is followed. Its load is
+/// π² E I/(4 L²) times (1 − π² (h/L)²/48) or so, by the shortening before.
+#[test]
+fn a_column_buckles_once() {
+    let (length, height, young) = (1.0_f64, 0.05_f64, 1e8_f64);
+    let euler = std::f64::consts::PI.powi(2) * young * height.powi(4) / 12.0 / (4.0 * length * length);
+    let program = Program::run(&format!(
+        r#"
+[time]
+end = 1.3
+step = 0.05
+[static]
+[[body]]
+name = "b"
+box = {{ size = [{length}, {height}, {height}], cells = [12, 1, 1], element = "hex20" }}
+material = {{ law = "st-venant-kirchhoff", young = {young}, poisson = 0.0, density = 1000.0 }}
+[[fix]]
+body = "b"
+region = "x-min"
+[[fix]]
+body = "b"
+region = "box"
+axes = ["z"]
+[[load]]
+kind = "force"
+body = "b"
+region = "x-max"
+force = [{}, 0.0, 0.0]
+amplitude = "t"
+"#,
+        -euler
+    ));
+    let report = program.report();
+    let notes: Vec<&str> =
+        report["notes"].as_array().unwrap().iter().filter_map(|note| note.as_str()).collect();
+    let found: Vec<f64> = notes
+        .iter()
+        .filter(|note| note.contains("buckles"))
+        .map(|note| note.split_whitespace().nth(3).unwrap().parse().unwrap())
+        .collect();
+    assert_eq!(found.len(), 1, "{notes:?}");
+    assert!((found[0] - 1.0).abs() < 5e-3, "{found:?}");
+}

@@ -23,10 +23,16 @@ pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, V
 }
 
 impl Search<'_> {
-    /// Finds the load factor between two equilibria of different stability at which the lowest eigenvalue is zero.
+    /// Finds the load factor between two equilibria at which the lowest eigenvalue changes its sign, and records it. Does
+    /// nothing if the sign is the same at both, or if a negative eigenvalue is round-off: a body that may move freely has
+    /// eigenvalues that are zero.
     pub(super) fn find_critical(&mut self, before: &State, after: &State) -> Result<(), SolverError> {
         let (first, _) = lowest(&mut self.balance, &before.q, before.t)?;
         let (last, mode) = lowest(&mut self.balance, &after.q, after.t)?;
+        let noise = 64.0 * f64::EPSILON * self.balance.stiffest(&after.q, after.t)?;
+        if (first < -noise) == (last < -noise) {
+            return Ok(());
+        }
         let (mut low, mut high) = ((before.t, first), (after.t, last));
         let mut q = before.q.clone();
         // Regula falsi on λ(t), which is nearly linear near a critical load (Illinois variant).
@@ -62,8 +68,17 @@ impl Search<'_> {
                 f_low *= 0.5;
             }
         }
-        let load_factor =
-            if low.1 == high.1 { low.0 } else { low.0 - low.1 * (high.0 - low.0) / (high.1 - low.1) };
+        let load_factor = match (low.1, high.1) {
+            // One of them is zero up to round-off.
+            (a, b) if a * b >= 0.0 => {
+                if a.abs() <= b.abs() {
+                    low.0
+                } else {
+                    high.0
+                }
+            }
+            (a, b) => low.0 - a * (high.0 - low.0) / (b - a),
+        };
         let kind = self.kind_of(&mode, after)?;
         self.report.critical.push(CriticalPoint { kind, load_factor, eigenvalues: [first, last] });
         Ok(())
