@@ -20,6 +20,7 @@ mod snapshot;
 pub mod stability;
 #[cfg(test)]
 mod tests;
+mod unheld;
 
 use std::sync::Arc;
 

@@ -16,7 +16,20 @@ impl Simulation {
     /// or the substep that failed began.
     pub(super) fn explain(&self, number: usize, error: StepError, from: &State) -> StepError {
         let error = in_numbers_of_meshes(&self.bodies, number, error);
-        match self.pair_in_contact(number, &error, from) {
+        let pair = self.pair_in_contact(number, &error, from);
+        let rubs = self.components[number].system.terms().live().iter().any(|term| term.dissipates());
+        // Friction may hold a body that nothing else holds.
+        if self.scene.statics.is_some() && !error.is_interruption() && !(rubs && pair.is_some()) {
+            let last = match &error.cause {
+                SolverError::Equilibrium { last, .. } => last,
+                _ => from,
+            };
+            let load_factor = if self.load_factor().is_some() { last.t + error.h } else { error.t + error.h };
+            if let Some(cause) = self.unheld(number, last, load_factor) {
+                return StepError { cause, ..error };
+            }
+        }
+        match pair {
             Some(pair) => {
                 let cause = SolverError::InContact { cause: Box::new(error.cause), pair: Box::new(pair) };
                 StepError { cause, ..error }

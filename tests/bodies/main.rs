@@ -23,4 +23,5 @@ mod sheets;
 mod stiff_cloth;
 mod stiff_parts;
 mod ties;
+mod unheld;
 mod vibrations;

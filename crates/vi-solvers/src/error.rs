@@ -183,6 +183,22 @@ pub enum SolverError {
         /// The reason why that increment failed.
         cause: Box<SolverError>,
     },
+    /// No equilibrium was found, because bodies can move freely and their loads do not balance.
+    #[error(
+        "no equilibrium at load factor {load_factor}: nothing holds {bodies} along {axis}, and the loads along {axis} sum to \
+         {load:.3e} N; hold a part of it ([[fix]], or springs by [[attach]]), let it rest on something ([contact]), or balance \
+         its loads"
+    )]
+    Unheld {
+        /// The load factor.
+        load_factor: f64,
+        /// Names of the bodies that move together.
+        bodies: String,
+        /// The axis along which nothing holds them: x, y or z.
+        axis: String,
+        /// Sum of the loads along the axis, N.
+        load: f64,
+    },
     /// No equilibrium was found at the end of an arc step, however short.
     #[error(
         "the path of equilibria cannot be followed beyond load factor {load_factor}: an arc step as short as a change \

@@ -16,6 +16,9 @@ use crate::options::LinearSolver;
 use crate::vectors;
 use crate::work::Work;
 
+/// A body that moves this many times its extent from one configuration to the next finds no hold.
+const FARTHEST: f64 = 1e3;
+
 /// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a solver for K + σM.
 pub(crate) struct Balance<'a> {
     pub(crate) system: &'a System,
@@ -168,9 +171,20 @@ impl<'a> Balance<'a> {
         self.assembler.energies(&self.x, t).total() - held
     }
 
+    /// Returns whether a coordinate differs between two configurations by so many extents of the first that no support
+    /// can stop the body.
+    pub(crate) fn goes_astray(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
+        self.go_to(from, t);
+        let extent = self.extent();
+        extent > 0.0 && vectors::max_abs(to.len(), |k| to[k] - from[k]) > FARTHEST * extent
+    }
+
     /// Returns whether V at (`to`, t) is at most that at (`from`, t); true if forces have no potential. A prediction by an
     /// almost singular tangent goes much too far, and a solve from there has no scale of energy.
     pub(crate) fn lowers_energy(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
+        if self.goes_astray(from, to, t) {
+            return false;
+        }
         if !self.is_conservative() {
             return true;
         }

@@ -113,6 +113,7 @@ pub(crate) fn solve(
     let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
     balance.residual(q, t, &mut r)?;
+    let start = q.to_vec();
     let mut last = f64::INFINITY;
     let mut stayed_definite = true;
     for iteration in 1..=stop.max_iterations {
@@ -143,6 +144,10 @@ pub(crate) fn solve(
             continue;
         }
         let length = line_search(balance, q, t, (&step, longest), &mut r, &mut trial)?;
+        if balance.goes_astray(&start, q, t) {
+            let (iterations, residual, tolerance) = (iteration, 1.0, stop.tolerance);
+            return Err(SolverError::NoConvergence { iterations, residual, tolerance });
+        }
         if iteration == 1 {
             // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long; only
             // the way that it goes counts.
