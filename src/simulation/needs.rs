@@ -35,7 +35,7 @@ pub(super) fn method_of(scene: &Scene) -> Option<Method> {
 
 /// Returns whether the stepper of a system keeps the full energy ledger.
 pub(super) fn keeps_ledger(scene: &Scene, system: &System) -> bool {
-    scene.output.ledger.unwrap_or_else(|| scene.statics.is_none() && is_worked_on(system))
+    scene.output.ledger.unwrap_or_else(|| is_worked_on(system))
 }
 
 /// Returns whether something outside adds or removes energy: moving supports, forces without a potential, or loads

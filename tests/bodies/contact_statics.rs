@@ -232,3 +232,44 @@ to = "rod"
     let sag = -2.0 * z / (0.5 * 9.81 * 0.5 / (1e6 * 0.02 * 0.02));
     assert!((0.95..1.0).contains(&sag), "{sag}");
 }
+
+/// A block under its weight that is pushed over the floor: the work of the push is what friction takes and what the block stores, with no
+/// request for a ledger.
+#[test]
+fn the_work_of_a_push_is_what_friction_takes() {
+    let program = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 1.0
+step = 0.05
+[static]
+[contact]
+friction = 0.4
+self = false
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+position = [0, 0, 0]
+fixed = true
+[[body]]
+name = "s"
+box = { size = [0.1, 0.1, 0.05], cells = [3, 3, 2], element = "hex8", origin = [-0.05, -0.05, 0.002] }
+material = { law = "neo-hookean", young = 2e5, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "s"
+region = "x-min"
+axes = ["x"]
+motion = { kind = "translate", velocity = [0.01, 0, 0] }
+"#,
+    );
+    let energy = &program.report()["energy"];
+    let of = |name: &str| energy[name].as_f64().unwrap_or_else(|| panic!("{name}: {energy}"));
+    let friction = of("friction_work");
+    // The block slides with the friction of its weight, but for the begin.
+    let expected = 0.4 * 0.5 * 9.81 * 0.01;
+    assert!((-friction / expected - 1.0).abs() < 0.05, "{energy}, expected {expected}");
+    assert!((-of("prescribed_work") / friction - 1.0).abs() < 0.05, "{energy}");
+    assert!(of("unexplained").abs() < 1e-12, "{energy}");
+    assert!(of("scheme_error").abs() < 0.05 * expected, "{energy}");
+}

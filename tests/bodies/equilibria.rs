@@ -243,3 +243,53 @@ fn c3_self_weight_from_a_scene() {
         assert!((found.0 - drop).abs() < 1e-3 && (found.1 - reach).abs() < 1e-3, "{gamma}: {found:?}");
     }
 }
+
+/// The work that pulls a bar is booked as work of prescribed motion, that of a load that grows as work of forces, and the ledger closes.
+/// With u = .01 t along the bar and a dead load F = 2 t along the motion of the pulled end, the load does ∫ F̂ u dt = −½ · 2 · .01 J by
+/// its growth alone (its potential −F·u is a part of the energy), whatever the bar does.
+#[test]
+fn work_of_supports_and_of_loads_is_told_apart() {
+    let scene = |load: &str| {
+        format!(
+            r#"
+[time]
+end = 1.0
+step = 0.25
+[static]
+tolerance = 1e-13
+[[body]]
+name = "s"
+box = {{ size = [0.1, 0.1, 0.05], cells = [2, 2, 2], element = "hex8" }}
+material = {{ law = "linear", young = 2e5, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "s"
+region = "x-min"
+[[fix]]
+body = "s"
+region = "x-max"
+motion = {{ kind = "translate", velocity = [0.01, 0.0, 0.0] }}
+{load}
+"#
+        )
+    };
+    let load = |region: &str| {
+        format!(
+            "[[load]]\nkind = \"force\"\nbody = \"s\"\nregion = \"{region}\"\nforce = [2.0, 0.0, 0.0]\namplitude = \"t\"\n"
+        )
+    };
+    for (load, force) in [(String::new(), Some(0.0)), (load("x-max"), Some(-0.01)), (load("y-max"), None)] {
+        let program = crate::program::Program::run(&scene(&load));
+        let energy = &program.report()["energy"];
+        let of = |name: &str| energy[name].as_f64().unwrap_or_else(|| panic!("{name}: {energy}"));
+        let scale = of("prescribed_work");
+        assert!(scale > 0.1, "{energy}");
+        if let Some(force) = force {
+            assert!((of("force_work") - force).abs() < 1e-9 * scale, "{energy}");
+        }
+        // Forces are linear in the load factor, so that the quadrature of their work is exact.
+        assert!(of("scheme_error").abs() < 1e-9 * scale, "{energy}");
+        assert!(of("unexplained").abs() < 1e-12 * scale, "{energy}");
+        let change = of("final") - of("initial");
+        assert!((change - of("prescribed_work") - of("force_work")).abs() < 1e-9 * scale, "{energy}");
+    }
+}

@@ -17,3 +17,4 @@ mod release;
 mod rubbing;
 mod search;
 mod tangent_solver;
+mod work_done;

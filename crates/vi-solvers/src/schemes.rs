@@ -1,6 +1,6 @@
 //! The time integrators: the table of schemes, the contract of a stepper, and one file or folder per family.
 
-mod accounts;
+pub(crate) mod accounts;
 mod at_rest;
 mod comparison;
 pub(crate) mod constraint;

@@ -1,12 +1,13 @@
 //! The equilibrium of a body at a load factor: residual, energy, tangent, and solves with it.
 
-use vi_core::{State, System};
+use vi_core::{State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::TangentSolver;
+use crate::equilibrium::work_done::WorkDone;
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::interrupt::Interrupt;
 use crate::linear::matrix::SymmetricMatrix;
@@ -39,6 +40,8 @@ pub(crate) struct Balance<'a> {
     /// Constant forces that are subtracted from the residual, N; empty for none.
     pub(crate) held: Vec<f64>,
     pub(crate) friction: Option<Friction>,
+    /// The work of supports and loads since the search began.
+    done: Option<WorkDone>,
     pub(crate) work: Work,
     /// Looked at before every factorisation and solve.
     pub(crate) interrupt: Interrupt,
@@ -63,27 +66,63 @@ impl<'a> Balance<'a> {
             diagonal: vec![0.0; system.coordinates().free_count()],
             held: Vec::new(),
             friction: None,
+            done: None,
             work: Work::default(),
             interrupt: interrupt.clone(),
         }
     }
 
-    /// Adds the friction that acts from the equilibrium `from` on, after that of earlier equilibria.
+    /// Begins at the equilibrium `from`: sums work from there, and adds the friction that acts from there on, after that of
+    /// earlier equilibria.
     ///
     /// # Errors
-    /// Returns an error if its forces cannot be summed.
-    pub(crate) fn begin_friction(&mut self, from: &State, rubbed: &Rubbed) -> Result<(), SolverError> {
+    /// Returns an error if the forces of friction cannot be summed.
+    pub(crate) fn begin(&mut self, from: &State, rubbed: &Rubbed) -> Result<(), SolverError> {
         self.go_to(&from.q, from.t);
         self.friction = Friction::new(self.system, &self.assembler, &self.x, rubbed)?;
+        self.begin_work(from);
         Ok(())
     }
 
-    /// Accepts the equilibrium (q, t): friction acts from it to the next.
+    /// Begins to sum work at the equilibrium `from`.
+    pub(crate) fn begin_work(&mut self, from: &State) {
+        self.go_to(&from.q, from.t);
+        let forces = self.balance_forces();
+        self.done = Some(WorkDone::begin(&self.x, from.t, &self.gradient, forces));
+    }
+
+    /// Writes ∂V/∂x − f with friction at the present place to `gradient`, N; returns the forces f without friction, or nothing if there
+    /// are none.
+    fn balance_forces(&mut self) -> Vec<f64> {
+        let Self { assembler, forces, friction, gradient, x, still, t, .. } = self;
+        assembler.gradient(x, *t, gradient);
+        let mut own = Vec::new();
+        if let Some(forces) = forces {
+            forces.evaluate(x, still, *t);
+            own.extend((0..x.len()).map(|dof| forces.total(dof)));
+            gradient.iter_mut().zip(&own).for_each(|(gradient, force)| *gradient -= force);
+        }
+        if let Some(friction) = friction {
+            friction.add_gradient(self.system.coordinates(), x, gradient);
+        }
+        own
+    }
+
+    /// Returns the work of prescribed motion and of forces since the begin, J.
+    pub(crate) fn work_done(&self) -> StepEnergy {
+        self.done.as_ref().map(WorkDone::energy).unwrap_or_default()
+    }
+
+    /// Accepts the equilibrium (q, t): work is added, and friction acts from it to the next.
     ///
     /// # Errors
     /// Returns an error if the forces of friction cannot be summed.
     pub(crate) fn accept(&mut self, q: &[f64], t: f64) -> Result<(), SolverError> {
         self.go_to(q, t);
+        let forces = self.balance_forces();
+        if let Some(done) = &mut self.done {
+            done.go_to(self.system, (&self.x, t), &self.gradient, forces);
+        }
         self.friction.as_mut().map_or(Ok(()), |friction| friction.accept(&self.x))
     }
 

@@ -65,7 +65,7 @@ pub(super) fn search(
     let (constraints, held) = ConstraintForces::of(system)?.unzip();
     let mut search = Search::new(held.as_ref().unwrap_or(system), options, watch);
     search.constraints = constraints;
-    search.balance.begin_friction(state, rubbed)?;
+    search.balance.begin(state, rubbed)?;
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
     if !found.q.is_empty() {
         match options.arc_steps {
@@ -77,6 +77,7 @@ pub(super) fn search(
         search.report.steps.push(LoadStep { load_factor: options.end, iterations: 0, is_stable: true });
     }
     search.report.work = search.balance.work;
+    search.report.energy = search.balance.work_done();
     search.report.linear = search.balance.linear_solver().map(|(linear, reason)| (linear, reason.to_owned()));
     if let Some(friction) = &search.balance.friction {
         *rubbed = friction.rubbed.clone();

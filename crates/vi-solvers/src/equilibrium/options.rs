@@ -1,5 +1,7 @@
 //! Options of a search for equilibria, and its report.
 
+use vi_core::StepEnergy;
+
 use crate::error::SolverError;
 use crate::interrupt::Interrupt;
 use crate::options::LinearSolver;
@@ -96,6 +98,8 @@ pub struct StaticReport {
     pub jumps: Vec<f64>,
     /// Number of increments that failed and were halved.
     pub halvings: u32,
+    /// Work of prescribed motion and of forces between the equilibria, J.
+    pub energy: StepEnergy,
     /// The linear solver that was chosen, and the reason; `None` if nothing was solved.
     pub linear: Option<(LinearSolver, String)>,
     /// Work done.

@@ -1,7 +1,7 @@
 //! A stepper that follows a path of equilibria. `state.t` is the load factor, which each step finds; momenta are
 //! zero.
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{State, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::finite::check_state;
@@ -9,7 +9,7 @@ use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::function::PathFunction;
 use crate::equilibrium::options::{LoadStep, StaticOptions};
 use crate::equilibrium::path::branch::Path;
-use crate::equilibrium::quasi_static::{findings, work_of_loads};
+use crate::equilibrium::quasi_static::{findings, with_error};
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
@@ -121,7 +121,13 @@ impl Stepper for PathFollowing {
         let options = self.options.clone();
         let mut watch = |_: &State, _: &LoadStep| true;
         let mut search = Search::new(system, &options, &mut watch);
-        match check_state(state, system).and_then(|()| self.follow(&mut search, state)) {
+        let outcome = check_state(state, system).and_then(|()| {
+            search.balance.begin_work(&before);
+            let path = self.follow(&mut search, state)?;
+            search.balance.accept(&state.q, state.t)?;
+            Ok(path)
+        });
+        match outcome {
             Ok(path) => self.path = Some(path),
             Err(cause) => {
                 *state = before;
@@ -131,12 +137,11 @@ impl Stepper for PathFollowing {
         state.p.fill(0.0);
         self.made += 1;
         self.findings.extend(findings(&search.report));
-        let mut work = search.balance.work;
+        let (mut work, done) = (search.balance.work, search.balance.work_done());
         work.steps = 1;
         self.work += work;
         self.note_end(state);
-        let force = work_of_loads(self.ledger.as_mut(), system, &before, state);
-        let energy = StepEnergy { force, ..StepEnergy::default() };
+        let energy = with_error(done, 0.0, self.ledger.as_mut(), system, [&before, state]);
         Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
     }
 

@@ -51,8 +51,8 @@ pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
 }
 
 /// Returns a stepper that goes from the equilibrium at t to that at t + h. It cuts steps further as `options` say;
-/// their `end` is not used. With a ledger, the work of loads and prescribed motion, which is ΔV along a path of
-/// equilibria, is booked as work of forces.
+/// their `end` is not used. With a ledger, the part of ΔV that is neither the work of loads nor of prescribed motion is booked as
+/// error of the scheme.
 pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Box<dyn Stepper> {
     Box::new(QuasiStatic {
         options,
@@ -86,11 +86,8 @@ impl Stepper for QuasiStatic {
         let friction = rubbed.work;
         self.friction = rubbed;
         self.h = h;
-        let mut force = work_of_loads(self.ledger.as_mut(), system, &before, state);
-        if self.ledger.is_some() {
-            force += stored - friction;
-        }
-        let energy = StepEnergy { force, friction, ..StepEnergy::default() };
+        let energy = StepEnergy { friction, ..report.energy };
+        let energy = with_error(energy, stored, self.ledger.as_mut(), system, [&before, state]);
         let mut work = report.work;
         work.steps = 1;
         self.work += work;
@@ -155,15 +152,21 @@ impl Stepper for QuasiStatic {
     }
 }
 
-/// Returns the work (J) of loads and prescribed motion between two equilibria: ΔV minus the kinetic energy of
-/// `before`, which is not used. Zero without a ledger.
-pub(super) fn work_of_loads(
+/// Returns the work between two equilibria with the rest of the change of energy as error of the scheme, J. The energy is V plus that
+/// which friction `stored`. The kinetic energy of `before` is not used and counts as taken away by forces. Without a ledger, the work is unchanged.
+pub(super) fn with_error(
+    work: StepEnergy,
+    stored: f64,
     ledger: Option<&mut Assembler>,
     system: &System,
-    before: &State,
-    after: &State,
-) -> f64 {
-    let Some(assembler) = ledger else { return 0.0 };
+    [before, after]: [&State; 2],
+) -> StepEnergy {
+    let Some(assembler) = ledger else { return work };
     let mut potential = |state: &State| assembler.energies(&system.positions(state), state.t).total();
-    potential(after) - potential(before) - vi_core::kinetic_energy(system, before)
+    let change = potential(after) - potential(before) + stored;
+    StepEnergy {
+        scheme: change - work.work(),
+        force: work.force - vi_core::kinetic_energy(system, before),
+        ..work
+    }
 }
