@@ -14,7 +14,7 @@ mod candidate;
 mod explicit;
 mod implicit;
 mod processor;
-mod search;
+pub(crate) mod search;
 pub mod trial;
 mod wording;
 

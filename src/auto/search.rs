@@ -177,7 +177,7 @@ impl<'a> Search<'a> {
 }
 
 /// Returns whether the scheme of a choice accepts the scene with the systems of `simulation`.
-fn accepts(simulation: &Simulation, scene: &Scene, choice: &Choice) -> bool {
+pub(crate) fn accepts(simulation: &Simulation, scene: &Scene, choice: &Choice) -> bool {
     let method = choice.method();
     let mut systems = simulation.components().iter().map(Component::system);
     choice.apply(scene).problems().is_empty() && systems.all(|system| method.check(system).is_ok())

@@ -263,6 +263,11 @@ pub enum BenchError {
         /// The known names.
         known: String,
     },
+    /// The scene asks for equilibria.
+    #[error(
+        "a scene with [static] has no scheme and no time step to compare; remove [static] to compare those of its motion"
+    )]
+    Static,
     /// Nothing moves.
     #[error(
         "no free coordinate of the scene feels a force that changes with position: there is nothing to measure"

@@ -366,3 +366,38 @@ position = [0.2, 0.01, 0.0]
     assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0));
     assert!(history.column("right.x").last().unwrap() > &0.3, "{:?}", history.column("right.x").last());
 }
+
+/// A bench of a scene with a rigid body takes a reference that accepts constraints.
+#[test]
+fn a_rigid_body_can_be_measured() {
+    let program = crate::program::Program::check(
+        r#"
+gravity = [0.0, -9.81, 0.0]
+[time]
+end = 0.02
+step = 1e-3
+scheme = "stormer-verlet"
+[[rigid]]
+name = "a"
+shape = { kind = "rod", length = 0.5, radius = 0.05 }
+density = 500.0
+position = [-0.25, 0.1, 0.1]
+[[body]]
+name = "b"
+box = { size = [0.4, 0.2, 0.2], cells = [2, 1, 1] }
+material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
+[[attach]]
+body = "b"
+region = "x-min"
+to = "a"
+"#,
+    );
+    let output = crate::program::command()
+        .current_dir(program.directory())
+        .args(["bench", "scene.toml", "--budget", "3", "--schemes", "stormer-verlet", "--json"])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["reference"]["scheme"], "stormer-verlet", "{}", report["reference"]);
+}

@@ -654,3 +654,20 @@ fn a_scene_that_is_no_utf_8() {
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && said.contains("save it as UTF-8"), "{said}");
 }
+
+/// Equilibria have no scheme and no time step that a bench could compare.
+#[test]
+fn a_bench_refuses_statics() {
+    let program = Program::check(
+        "[time]\nend = 1.0\nstep = 0.5\n[static]\n[[body]]\nname = \"b\"\nbox = { size = [1.0, 0.2, 0.2], cells = [2, 1, 1] }\n\
+         material = { law = \"linear\", young = 1e6, poisson = 0.3, density = 1000.0 }\n[[fix]]\nbody = \"b\"\nregion = \"x-min\"\n",
+    );
+    let output = crate::program::command()
+        .current_dir(program.directory())
+        .args(["bench", "scene.toml", "--budget", "2"])
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert!(errors.contains("[static]"), "{errors}");
+}

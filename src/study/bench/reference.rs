@@ -4,8 +4,10 @@
 use std::time::{Duration, Instant};
 
 use super::{BenchError, BenchWatch, ReferenceFacts};
+use crate::auto::search::accepts;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 use crate::scene::{MassKind, Scene, SchemeName};
+use crate::simulation::Simulation;
 
 /// hω of the finer Blanes–Moan run: far inside the stability limit, with an error of 1e-9 or less if low modes
 /// dominate the motion.
@@ -20,9 +22,10 @@ pub(super) struct Reference {
 }
 
 /// Computes a reference within `share` of wall time, refined until the next halving would not fit. The method is that
-/// of Blanes and Moan of order 6 if its steps fit, otherwise Gauss's with 3 stages. With contact it is Störmer–Verlet,
-/// or implicit midpoint for consistent mass.
+/// of Blanes and Moan of order 6 if its steps fit, otherwise Gauss's with 3 stages. With contact, and in scenes that both
+/// refuse, it is Störmer–Verlet, or implicit midpoint for consistent mass.
 pub(super) fn find(
+    simulation: &Simulation,
     scene: &Scene,
     norm: &Norm,
     omega: f64,
@@ -30,18 +33,19 @@ pub(super) fn find(
     watch: &mut dyn BenchWatch,
 ) -> Result<Reference, BenchError> {
     let begin = Instant::now();
-    if scene.contact.is_some() {
-        let choice = with_contact(scene, omega);
-        return ladder(scene, norm, choice, share, begin, watch).map_err(|why| match why {
-            TrialError::Stopped => BenchError::Stopped,
-            why => BenchError::Reference { why: format!("{}: {why}", choice.label()) },
-        });
-    }
     let explicit = Choice {
         scheme: SchemeName::BlanesMoan6,
         stages: None,
         steps: ((scene.time.end * omega / FREQUENCY_STEP).ceil() as u64).max(16),
     };
+    let gauss = Choice { scheme: SchemeName::Gauss, stages: Some(3), steps: 64 };
+    if scene.contact.is_some() || ![explicit, gauss].iter().any(|choice| accepts(simulation, scene, choice)) {
+        let choice = of_order_2(scene, omega);
+        return ladder(scene, norm, choice, share, begin, watch).map_err(|why| match why {
+            TrialError::Stopped => BenchError::Stopped,
+            why => BenchError::Reference { why: format!("{}: {why}", choice.label()) },
+        });
+    }
     let mut tried = Vec::new();
     let probe_fraction = (4.0 / explicit.steps as f64).min(1.0);
     let probe = run(explicit.apply(scene), 0.0..probe_fraction, Limit::Clock(share), &mut || watch.go_on());
@@ -62,7 +66,6 @@ pub(super) fn find(
     }
     let mut tight = scene.clone();
     tight.solver.tolerance = tight.solver.tolerance.min(GAUSS_TOLERANCE);
-    let gauss = Choice { scheme: SchemeName::Gauss, stages: Some(3), steps: 64 };
     ladder(&tight, norm, gauss, share, begin, watch).map_err(|why| match why {
         TrialError::Stopped => BenchError::Stopped,
         why => {
@@ -72,8 +75,8 @@ pub(super) fn find(
     })
 }
 
-/// Returns the scheme of the reference in scenes with contact, which schemes of higher order do not accept.
-fn with_contact(scene: &Scene, omega: f64) -> Choice {
+/// Returns the scheme of the reference in scenes that schemes of higher order do not accept.
+fn of_order_2(scene: &Scene, omega: f64) -> Choice {
     let steps = ((scene.time.end * omega).ceil() as u64).max(16);
     let is_lumped = scene.solver.mass != Some(MassKind::Consistent);
     let scheme = if is_lumped { SchemeName::StormerVerlet } else { SchemeName::ImplicitMidpoint };

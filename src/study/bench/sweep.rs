@@ -28,21 +28,24 @@ const MOST_REPEATS: u32 = 12;
 /// Measures schemes × steps on `scene`.
 ///
 /// # Errors
-/// Returns [`BenchError`] if the scene is invalid, nothing moves, or no reference fits into the budget.
+/// Returns [`BenchError`] if the scene is invalid or static, nothing moves, or no reference fits into the budget.
 pub fn bench(
     scene: &Scene,
     options: &BenchOptions,
     watch: &mut dyn BenchWatch,
 ) -> Result<BenchReport, BenchError> {
     let begin = Instant::now();
+    if scene.statics.is_some() {
+        return Err(BenchError::Static);
+    }
     let schemes = schemes(options)?;
     let (scene, _) = settle(scene.clone(), &mut Trials(watch))?;
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
     let omega = highest(&simulation).map_err(BenchError::Frequency)?.ok_or(BenchError::NothingMoves)?;
     let norm = Norm::new(&simulation);
     let free_coordinates = simulation.free_coordinates();
+    let reference = find(&simulation, &scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
     drop(simulation);
-    let reference = find(&scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
     let mut sweep = Sweep {
         accuracy: options.accuracy.or(scene.time.tolerance).unwrap_or(1e-2),
         budget: options.budget,
