@@ -49,5 +49,8 @@ pub(super) fn modes(arguments: &ModesArguments) -> u8 {
         say::write_result(format_args!("{}", report.table()));
         out!("written to {}", directory.display());
     });
+    for note in &report.notes {
+        message!("note: {note}");
+    }
     exit::DONE
 }

@@ -103,7 +103,7 @@ pub fn write_modes(
     let mut simulation = Simulation::new(stand_in(&scene)).map_err(RunError::Scene)?;
     let found = scene_modes(&mut simulation, count, wanted)?;
     let provenance = Provenance::new(name, simulation.free_coordinates());
-    let report = ModesReport::new(provenance, wanted, &found);
+    let report = ModesReport::new(provenance, wanted, &found).with_notes(notes(&simulation, &found, count));
     let output = |path: &Path| {
         let path = path.to_owned();
         move |source| RunError::Output { path, source }
@@ -143,6 +143,23 @@ pub fn write_modes(
         std::fs::write(&path, text).map_err(output(&path))?;
     }
     Ok(report)
+}
+
+/// Returns a note for each component that has fewer modes than the `count` that was asked for.
+fn notes(simulation: &Simulation, found: &SceneModes, count: usize) -> Vec<String> {
+    let of = |number: usize| found.modes.iter().filter(|mode| mode.component == number).count();
+    let components = 0..simulation.components().len();
+    let fewer = components.map(|number| (number, of(number))).filter(|&(_, own)| own > 0 && own < count);
+    let words = fewer.map(|(number, own)| {
+        let bodies = simulation.bodies().iter().filter(|body| body.component == number);
+        let names: Vec<String> = bodies.map(|body| format!("'{}'", body.name)).collect();
+        format!(
+            "{} {} only {own} modes, one for each free coordinate; {count} were asked for",
+            names.join(", "),
+            if names.len() == 1 { "has" } else { "have together" }
+        )
+    });
+    words.collect()
 }
 
 /// Returns the displacement of every node of every body in a mode, m.

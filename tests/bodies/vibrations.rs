@@ -94,9 +94,13 @@ fn the_files_hold_frequencies_effective_masses_and_shapes_of_a_tenth() {
             .args(["modes", "scene.toml", "--out", "out", "--json", "--threads", "2", "--count", count])
             .output()
             .unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let messages = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{messages}");
+        // A body has no more modes than free coordinates.
+        assert_eq!(messages.contains("modes, one for each free coordinate"), count == "1000", "{messages}");
         serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
     };
+    assert_eq!(run("1000")["notes"].as_array().unwrap().len(), 2);
     run("12");
     let report = run("9");
     let out = directory.path().join("out");

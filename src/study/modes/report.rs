@@ -20,6 +20,8 @@ pub struct ModesReport {
     pub free_mass: [f64; 3],
     /// The modes, by ascending ω².
     pub modes: Vec<ModeFacts>,
+    /// What else a reader should know.
+    pub notes: Vec<String>,
 }
 
 /// Data of one mode.
@@ -66,7 +68,11 @@ impl ModesReport {
             }
         };
         let modes = found.modes.iter().map(facts).collect();
-        Self { provenance, mass, free_mass: found.free_mass, modes }
+        Self { provenance, mass, free_mass: found.free_mass, modes, notes: Vec::new() }
+    }
+
+    pub(super) fn with_notes(self, notes: Vec<String>) -> Self {
+        Self { notes, ..self }
     }
 
     /// Returns the table for a terminal, with effective masses as fractions of the free mass.
