@@ -31,6 +31,8 @@ pub struct SweepReport {
     pub done: usize,
     /// Ended points with an error.
     pub failed: usize,
+    /// Exit code of the first of them; 0 if there are none.
+    pub exit: u8,
     /// Whether the sweep was ended from outside before all points of the task were done.
     pub interrupted: bool,
 }
@@ -65,11 +67,12 @@ pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepRepo
             .map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
             .collect()
     });
-    let (done, failed) = table::write(options, &points, &identities)?;
+    let (done, exits) = table::write(options, &points, &identities)?;
     results.into_iter().collect::<Result<(), _>>()?;
     let is_open = |point: &&&Point| point.end(&identities).is_none();
     let interrupted = mine.iter().filter(is_open).count() > 0;
-    Ok(SweepReport { points: points.len(), done, failed, interrupted })
+    let exit = exits.first().copied().unwrap_or(0);
+    Ok(SweepReport { points: points.len(), done, failed: exits.len(), exit, interrupted })
 }
 
 /// Returns all points; the last axis varies fastest.
