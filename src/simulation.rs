@@ -174,6 +174,7 @@ impl Simulation {
             .transpose()
             .map_err(|problem| vec![problem])?;
         let mut options = scene.solver.options();
+        options.impulses = scene.probes.iter().any(|probe| probe.between.is_some());
         let mut components = Vec::with_capacity(model.components.len());
         let mut own = own.into_iter();
         for (number, ((mut system, state), contact)) in

@@ -119,19 +119,15 @@ impl Simulation {
         for component in &mut self.components {
             let Component { system, state, stepper, contact, .. } = component;
             if let (Some(contact), Some(stepper)) = (contact, stepper) {
+                match stepper.take_impulses() {
+                    Some(impulses) => contact.enter(impulses, self.h),
+                    None if asks_for_forces => contact.enter_forces_at(&system.positions(state)),
+                    None => {}
+                }
                 // Only a scheme that does not act by discrete gradients leaves the gap to be measured.
                 match stepper.take_smallest_gap() {
-                    Some(gap) => {
-                        contact.enter(stepper.take_impulses(), self.h);
-                        facts.smallest_gap = facts.smallest_gap.min(gap);
-                    }
-                    None => {
-                        let x = system.positions(state);
-                        facts.add(contact, &x);
-                        if asks_for_forces {
-                            contact.enter_forces_at(&x);
-                        }
-                    }
+                    Some(gap) => facts.smallest_gap = facts.smallest_gap.min(gap),
+                    None => facts.add(contact, &system.positions(state)),
                 }
             }
         }

@@ -119,8 +119,8 @@ impl ContactWatch {
         self.forces.iter_mut().for_each(|force| force.value.iter_mut().for_each(|value| *value /= h));
     }
 
-    /// Stores the forces at positions x of the component, for equilibria and for schemes that use the gradient at the
-    /// end of a step.
+    /// Stores the forces at positions x of the component, for equilibria and for schemes that do not know the impulses of their
+    /// steps.
     pub(crate) fn enter_forces_at(&mut self, x: &[f64]) {
         let forces = self.near(x).forces(x).into_iter();
         self.forces = forces.map(|(between, value)| Impulse { between, value }).collect();

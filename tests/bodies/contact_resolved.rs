@@ -45,6 +45,41 @@ fn a_resolved_blow_keeps_its_energy_and_its_account_closes() {
     }
 }
 
+/// The mean force of a probe over each step, times the step, is the change of momentum of a body on which nothing else acts. This also
+/// holds for steps that were divided.
+#[test]
+fn the_probe_of_contact_force_gives_the_change_of_momentum() {
+    let probe = "[[probe]]\nname = \"f\"\nbetween = [\"block\", \"floor\"]\nsum = \"contact_force\"\n";
+    let thrown = |scheme: &str, step: f64, contact: &str| {
+        blow(scheme, step, contact)
+            .replace("-9.81", "0.0")
+            .replace("end = 0.2", "end = 0.08")
+            .replace("tolerance = 1e-8", "tolerance = 1e-12")
+            .replace("[[rigid]]", &format!("velocity = [0.5, 0.3, -3.0]\n{probe}[[rigid]]"))
+            .replace("ledger = true", "ledger = true\nhistory = 1")
+    };
+    let [.., gauss] = SCHEMES;
+    let whole = SCHEMES.map(|(scheme, step)| (scheme, 0.5 * step, ""));
+    let cut = (gauss.0, 2e-3, "stiffness = 1e8\n");
+    for (scheme, step, contact) in whole.into_iter().chain([cut]) {
+        let program = Program::run(&thrown(scheme, step, contact));
+        let history = program.history();
+        let t = history.column("t");
+        for axis in ["x", "y", "z"] {
+            let (p, f) = (history.column(&format!("p{axis}")), history.column(&format!("f.f{axis}")));
+            for row in 1..t.len() {
+                let off = f[row] * (t[row] - t[row - 1]) - (p[row] - p[row - 1]);
+                // The momentum is 24 N s. The history states times with a limited number of digits.
+                assert!(off.abs() < 1e-9, "{scheme}, h = {step:e} s, t = {} s: off by {off:e} N s", t[row]);
+            }
+        }
+        let pressed = history.column("f.fz").iter().filter(|&&force| force > 0.0).count();
+        assert!(pressed > 3, "{scheme}: {pressed} steps");
+        let divided = program.report()["substeps"]["steps_cut"].as_u64().unwrap_or(0);
+        assert_eq!(divided > 0, !contact.is_empty(), "{scheme}: {divided} steps cut");
+    }
+}
+
 #[test]
 fn a_resolved_run_is_the_same_on_any_threads_and_after_a_resume() {
     for (scheme, step) in [SCHEMES[1], SCHEMES[2]] {

@@ -20,8 +20,8 @@ use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use vi_core::{
-    Account, Acting, DiscreteGradient, Fault, HessianKind, Live, Meeting, Potential, Stencils, StepSpan,
-    Traits, Tube, packed_len,
+    Account, Acting, DiscreteGradient, Fault, HessianKind, Impulse, Live, Meeting, Potential, Stencils,
+    StepSpan, Traits, Tube, packed_len,
 };
 
 use crate::broad_phase::{Neighbours, Search};
@@ -354,6 +354,10 @@ impl Potential for ContactPotential {
 
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
         Some(self)
+    }
+
+    fn forces_between(&self, x: &[f64]) -> Vec<Impulse> {
+        self.forces(x).into_iter().map(|(between, value)| Impulse { between, value }).collect()
     }
 
     fn lagged_friction(

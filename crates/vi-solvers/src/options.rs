@@ -11,6 +11,9 @@ pub struct SolverOptions {
     pub linear: LinearSolver,
     /// Whether to fill [`StepReport::energy`](crate::StepReport::energy); this costs a few more energies per step.
     pub ledger: bool,
+    /// Whether schemes in which live terms act by their gradient sum the impulses between parts
+    /// ([`Stepper::take_impulses`](crate::Stepper::take_impulses)); this costs one more evaluation of the terms per stage.
+    pub impulses: bool,
     /// Number of Newton iterations after which a step fails.
     pub max_iterations: u32,
     /// The request that abandons a step in progress.
@@ -23,6 +26,7 @@ impl Default for SolverOptions {
             tolerance: 1e-6,
             linear: LinearSolver::Auto,
             ledger: false,
+            impulses: false,
             max_iterations: 100,
             interrupt: Interrupt::NEVER,
         }

@@ -9,6 +9,7 @@ pub(crate) mod filter;
 mod gauss;
 pub(crate) mod kick_drift;
 pub(crate) mod lanczos;
+mod live_impulses;
 pub(crate) mod method;
 mod one_stage;
 mod resolution;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use crate::contract::acting::Acting;
-use crate::contract::discrete_gradient::{DiscreteGradient, StepSpan};
+use crate::contract::discrete_gradient::{DiscreteGradient, Impulse, StepSpan};
 use crate::contract::meeting::Meeting;
 use crate::contract::patch::{Patch, run_length};
 use crate::contract::tube::Tube;
@@ -209,6 +209,12 @@ pub trait Potential: Send + Sync {
     /// schemes use it in place of the gradient for live terms.
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {
         None
+    }
+
+    /// Returns the forces −∂V/∂x at x between the parts that a live term tells apart, summed over each pair of parts: the
+    /// [impulses](Impulse) of one second. Terms without parts return none.
+    fn forces_between(&self, _x: &[f64]) -> Vec<Impulse> {
+        Vec::new()
     }
 
     /// Returns the friction over a step between two places as a potential of the second one, for terms whose discrete gradient [has

@@ -213,6 +213,13 @@ impl LiveSum {
         self.passage.take_smallest_gap()
     }
 
+    /// Returns the forces between parts of the terms at positions x, N; see [`Potential::forces_between`].
+    pub(crate) fn forces_between(&mut self, x: &[f64]) -> Vec<Impulse> {
+        self.follow(x, None);
+        let near = self.near.iter().flat_map(|near| near.whole.terms().fixed());
+        near.flat_map(|term| term.forces_between(x)).collect()
+    }
+
     /// Adds G(start, end) of the terms that act by a discrete gradient.
     pub(crate) fn add_discrete_gradient(&mut self, start: &[f64], end: &[f64], out: &mut [f64]) {
         if !self.splits || self.lagged.is_some() {

@@ -207,7 +207,7 @@ impl Passage {
 
     /// Adds impulses (N s) at the end of the step that was closed last.
     pub(crate) fn add_impulses(&mut self, impulses: &[Impulse]) {
-        add(&mut self.next_impulses, impulses);
+        add_impulses(&mut self.next_impulses, impulses);
     }
 
     /// Closes the step and returns the effects of all terms together. [`Passage::accept`] makes the change permanent.
@@ -247,14 +247,14 @@ impl Passage {
         self.x.clear();
         self.x.extend_from_slice(end);
         let last = std::mem::replace(&mut self.impulses, std::mem::take(&mut self.next_impulses));
-        add(&mut self.earlier, &last);
+        add_impulses(&mut self.earlier, &last);
         self.smallest_gap = smaller(self.smallest_gap, self.next_gap.take());
     }
 
     /// Returns the impulses since the last call.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         let mut all = std::mem::take(&mut self.earlier);
-        add(&mut all, &std::mem::take(&mut self.impulses));
+        add_impulses(&mut all, &std::mem::take(&mut self.impulses));
         all
     }
 
@@ -275,7 +275,7 @@ impl Passage {
 }
 
 /// Adds impulses to the sums of the same parts.
-fn add(sums: &mut Vec<Impulse>, more: &[Impulse]) {
+pub(crate) fn add_impulses(sums: &mut Vec<Impulse>, more: &[Impulse]) {
     for impulse in more {
         match sums.iter_mut().find(|sum| sum.between == impulse.between) {
             Some(sum) => (0..3).for_each(|k| sum.value[k] += impulse.value[k]),

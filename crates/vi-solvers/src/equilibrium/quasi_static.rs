@@ -110,10 +110,11 @@ impl Stepper for QuasiStatic {
         self.friction.stored
     }
 
-    fn take_impulses(&mut self) -> Vec<Impulse> {
+    fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
         let mut impulses = std::mem::take(&mut self.friction.forces);
         impulses.iter_mut().for_each(|impulse| impulse.value.iter_mut().for_each(|value| *value *= self.h));
-        impulses
+        // Without friction, nothing is listed.
+        (!impulses.is_empty()).then_some(impulses)
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {

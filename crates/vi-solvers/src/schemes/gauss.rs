@@ -8,7 +8,7 @@
 pub(crate) mod collocation;
 mod stages;
 
-use vi_core::{Scheme, State, StepEnergy, System};
+use vi_core::{Impulse, Scheme, State, StepEnergy, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
@@ -25,6 +25,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::gauss::collocation::Collocation;
 use crate::schemes::gauss::stages::{GaussEquations, Stages};
+use crate::schemes::live_impulses::LiveImpulses;
 use crate::schemes::resolution::Resolution;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
@@ -43,6 +44,8 @@ pub(crate) struct Gauss {
     x_dot: Vec<f64>,
     /// Change of velocity over the step, if the mass is consistent.
     dv: Vec<f64>,
+    /// The impulses of live terms, which act by their gradient at the stages.
+    live_impulses: LiveImpulses,
 }
 
 impl Gauss {
@@ -67,6 +70,7 @@ impl Gauss {
             after: State { t: 0.0, q: vec![0.0; n], p: vec![0.0; n] },
             x_dot: Vec::new(),
             dv: Vec::new(),
+            live_impulses: LiveImpulses::new(options.impulses),
         })
     }
 
@@ -116,10 +120,12 @@ impl Gauss {
         Resolution { scheme: Self::NAME, h: self.stages.h }
     }
 
-    /// Checks that the stages resolve live terms, and that nothing meets on the way through them to the end of the step.
+    /// Checks that the stages resolve live terms, and that nothing meets on the way through them to the end of the step. Sums the
+    /// impulses of the stages, h b_i f_i.
     fn check_resolution(&mut self, system: &System, before: &State) -> Result<(), SolverError> {
         let resolution = self.resolution();
-        let Self { evaluator, stages, after, .. } = self;
+        let Self { evaluator, stages, after, live_impulses, .. } = self;
+        live_impulses.open();
         if !evaluator.has_live() {
             return Ok(());
         }
@@ -128,6 +134,7 @@ impl Gauss {
             let t_stage = stages.configure(i);
             resolution.check_path(system, evaluator, (&q, t), (&stages.q, t_stage))?;
             resolution.check_forces(system, evaluator, (&stages.q, t_stage))?;
+            live_impulses.add(evaluator, stages.h * stages.coefficients.b[i]);
             (q, t) = (stages.q.clone(), t_stage);
         }
         resolution.check_path(system, evaluator, (&q, t), (&after.q, after.t))
@@ -212,6 +219,7 @@ impl Stepper for Gauss {
             let cause = self.evaluator.explain(system, state, error);
             StepError { t: state.t, h, cause }
         })?;
+        self.live_impulses.accept();
         std::mem::swap(&mut self.after, state);
         self.evaluator.work.steps += 1;
         Ok(StepReport { iterations, energy, work: self.evaluator.work - before })
@@ -231,6 +239,18 @@ impl Stepper for Gauss {
 
     fn velocity(&self, state: &State) -> Option<&[f64]> {
         self.inertia.known_velocity(state)
+    }
+
+    fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
+        self.live_impulses.take()
+    }
+
+    fn mark(&mut self) {
+        self.live_impulses.mark();
+    }
+
+    fn return_to_mark(&mut self) {
+        self.live_impulses.return_to_mark();
     }
 
     fn set_budget(&mut self, budget: Budget) {
@@ -259,6 +279,7 @@ impl Stepper for Gauss {
         self.stages.has_history = memory.count("stages.history")? == 1;
         self.evaluator = Evaluator::with_nonconservative(system);
         self.potential_energies = PotentialEnergies::restore(memory);
+        self.live_impulses.clear();
         self.newton.restore(memory)?;
         self.inertia.restore(memory)?;
         self.inverse.restore(system, &mut self.evaluator, memory)?;

@@ -33,6 +33,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::constraint::manifold::ConstraintManifold;
 use crate::schemes::kick_drift::collisions::Collisions;
 use crate::schemes::kick_drift::splitting::Splitting;
+use crate::schemes::live_impulses::LiveImpulses;
 use crate::schemes::resolution::Resolution;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::vectors;
@@ -60,6 +61,8 @@ pub(crate) struct KickDrift {
     filtered: Option<FilteredDrift>,
     /// The collisions in drifts, if there are live terms and no drift goes backwards in time.
     collisions: Option<Collisions>,
+    /// The impulses of live terms that act in the kicks by their gradient.
+    live_impulses: LiveImpulses,
 }
 
 impl KickDrift {
@@ -90,6 +93,7 @@ impl KickDrift {
             impulses: Vec::new(),
             manifold: ConstraintManifold::new(system),
             filtered: system.filter().map(|_| FilteredDrift::new(system)),
+            live_impulses: LiveImpulses::new(options.impulses && collisions.is_none()),
             collisions,
         })
     }
@@ -228,6 +232,7 @@ impl KickDrift {
         check_state(state, system)?;
         self.q.copy_from_slice(&state.q);
         self.p.copy_from_slice(&state.p);
+        self.live_impulses.open();
         let mut energy = StepEnergy::default();
         if self.ledger {
             self.potential_energies.open(system, &mut self.evaluator, &state.q, state.t);
@@ -248,6 +253,7 @@ impl KickDrift {
                 if let Some(resolution) = resolution {
                     resolution.check_forces(system, &mut self.evaluator, (&self.q, t))?;
                 }
+                self.live_impulses.add(&mut self.evaluator, kick);
                 let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
                 self.evaluate_nonconservative(system, t, kick, closes)?;
             }
@@ -303,6 +309,7 @@ impl Stepper for KickDrift {
         let advanced = self.advance(system, state, h);
         self.evaluator.work.searches += self.evaluator.searches() - searches;
         let energy = advanced.map_err(|cause| StepError { t: state.t, h, cause })?;
+        self.live_impulses.accept();
         std::mem::swap(&mut state.q, &mut self.q);
         std::mem::swap(&mut state.p, &mut self.p);
         state.t += h;
@@ -345,8 +352,11 @@ impl Stepper for KickDrift {
         self.collisions.as_ref().map_or(0.0, Collisions::stored)
     }
 
-    fn take_impulses(&mut self) -> Vec<Impulse> {
-        self.collisions.as_mut().map(Collisions::take_impulses).unwrap_or_default()
+    fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
+        match &mut self.collisions {
+            Some(collisions) => Some(collisions.take_impulses()),
+            None => self.live_impulses.take(),
+        }
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {
@@ -372,6 +382,7 @@ impl Stepper for KickDrift {
         expect_method(memory, self.name)?;
         self.evaluator = Self::evaluator(system, self.collisions.as_ref());
         self.potential_energies = PotentialEnergies::restore(memory);
+        self.live_impulses.clear();
         if let Some(collisions) = &mut self.collisions {
             collisions.restore(memory)?;
         }

@@ -380,8 +380,8 @@ impl<R: Rule> Stepper for OneStage<R> {
         self.evaluator.stored()
     }
 
-    fn take_impulses(&mut self) -> Vec<Impulse> {
-        self.evaluator.take_impulses()
+    fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
+        self.evaluator.acts_over_steps().then(|| self.evaluator.take_impulses())
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {

@@ -113,9 +113,9 @@ pub trait Stepper: Send {
         0.0
     }
 
-    /// Returns the impulses between parts of live terms since the last call, N s.
-    fn take_impulses(&mut self) -> Vec<Impulse> {
-        Vec::new()
+    /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know them.
+    fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
+        None
     }
 
     /// Returns the smallest gap (m) of the pairs that acted in the steps since the last call: infinite if no pair acted,

@@ -38,6 +38,7 @@ const OPTIONS: SolverOptions = SolverOptions {
     tolerance: 1e-14,
     linear: vi_solvers::LinearSolver::Auto,
     ledger: false,
+    impulses: false,
     max_iterations: 100,
     interrupt: vi_solvers::Interrupt::NEVER,
 };

@@ -291,6 +291,12 @@ impl Evaluator {
         self.assembler.shared_live().map_or(0.0, |live| live.stored())
     }
 
+    /// Returns the forces between parts of live terms at the last configuration, N.
+    pub(crate) fn live_forces(&mut self) -> Vec<Impulse> {
+        let Self { assembler, x, .. } = self;
+        assembler.live().map(|live| live.forces_between(x)).unwrap_or_default()
+    }
+
     /// Returns the impulses between parts of live terms since the last call, N s.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()

@@ -334,7 +334,7 @@ impl Collisions {
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
         match &mut self.way {
             Way::Touching(touching) => touching.take_impulses(),
-            Way::Whole(stepper) => stepper.take_impulses(),
+            Way::Whole(stepper) => stepper.take_impulses().unwrap_or_default(),
         }
     }
 

@@ -11,6 +11,7 @@ use crate::memory::StepperMemory;
 use crate::schemes::accounts::PotentialEnergies;
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::kick_drift::splitting::Splitting;
+use crate::schemes::live_impulses::LiveImpulses;
 use crate::work::Work;
 
 impl KickDrift {
@@ -40,6 +41,7 @@ impl KickDrift {
             manifold: None,
             filtered: None,
             collisions: None,
+            live_impulses: LiveImpulses::new(false),
         }
     }
 
