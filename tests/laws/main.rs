@@ -13,3 +13,4 @@ mod properties;
 mod random;
 mod safety;
 mod stress;
+mod work_of_loads;

@@ -177,12 +177,16 @@ impl Gauss {
         x_dot.resize(system.coordinates().dof_count(), 0.0);
         let (mut prescribed, mut residual, mut free) = (0.0, 0.0, 0.0);
         let (mut force, mut damping) = (0.0, 0.0);
+        let counts_work = PotentialEnergies::counts_work(system, evaluator);
         for i in 0..stages.coefficients.stages() {
             let weight = h * stages.coefficients.b[i];
-            if system.coordinates().is_moving() || evaluator.has_nonconservative() {
+            if system.coordinates().is_moving() || evaluator.has_nonconservative() || counts_work {
                 stages.evaluate_stage(i, system, evaluator)?;
                 let q_dot: Vec<f64> = (0..n).map(|k| stages.stage_velocity(i, k)).collect();
                 system.coordinates().embed_velocity(&q_dot, evaluator.time(), x_dot);
+                if counts_work {
+                    potential_energies.add_work(system, evaluator, weight, x_dot);
+                }
                 system.coordinates().to_own_axes(x_dot);
                 prescribed += weight * accounts::prescribed_work(system, evaluator.gradient(), x_dot);
                 let (by_force, by_damping) = evaluator.nonconservative_work(x_dot);
@@ -197,7 +201,7 @@ impl Gauss {
             residual +=
                 weight * vectors::sum(n, |k| (inertial(k) + gradient[k]) * stages.stage_velocity(i, k));
         }
-        let (change, loads) = potential_energies.close(system, evaluator, &after.q, after.t);
+        let (change, loads) = potential_energies.close_with_work(system, evaluator, &after.q, after.t);
         let scheme = change - loads - free - prescribed - force - damping;
         Ok(StepEnergy {
             prescribed,

@@ -124,6 +124,12 @@ impl KickDrift {
             let half = 0.5 * kick;
             let mean_velocity = |k: usize| (p[k] - half * gradient[free[k] as usize]) / mass[k];
             work -= kick * accounts::free_work(system, gradient, mean_velocity);
+            if PotentialEnergies::counts_work(system, &self.evaluator) {
+                let mean: Vec<f64> = (0..p.len()).map(mean_velocity).collect();
+                self.x_dot.resize(gradient.len(), 0.0);
+                system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
+                self.potential_energies.add_work(system, &self.evaluator, kick, &self.x_dot);
+            }
             if system.coordinates().is_moving() {
                 self.x_dot.resize(gradient.len(), 0.0);
                 // Only the prescribed entries are read, so any free velocity will do.
@@ -295,7 +301,8 @@ impl KickDrift {
         }
         check_finite(&self.q, &self.p, system)?;
         if self.ledger {
-            let (change, loads) = self.potential_energies.close(system, &mut self.evaluator, &self.q, t);
+            let (change, loads) =
+                self.potential_energies.close_with_work(system, &mut self.evaluator, &self.q, t);
             energy.force += loads;
             energy.scheme = change - loads + kicked;
         }

@@ -3,7 +3,7 @@
 use vi_core::{MassFilter, State, System};
 
 use crate::error::SolverError;
-use crate::schemes::accounts;
+use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::kick_drift::splitting::Splitting;
 
@@ -75,6 +75,9 @@ impl KickDrift {
                 filtered.drift_of((system, filter), mean, 1.0, &mut self.x_dot);
                 let x_dot = &self.x_dot;
                 work -= kick * accounts::free_work(system, gradient, |k| x_dot[free[k] as usize]);
+                if PotentialEnergies::counts_work(system, &self.evaluator) {
+                    self.potential_energies.add_work(system, &self.evaluator, kick, x_dot);
+                }
             }
             for (p, &dof) in p.iter_mut().zip(free) {
                 *p -= kick * gradient[dof as usize];

@@ -3,7 +3,7 @@
 use vi_core::{StepEnergy, System};
 
 use crate::error::SolverError;
-use crate::schemes::accounts;
+use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::kick_drift::KickDrift;
 use crate::vectors;
 
@@ -71,6 +71,9 @@ impl KickDrift {
             // Forces do work on prescribed coordinates too; the prescribed motion provides the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
+            if PotentialEnergies::counts_work(system, &self.evaluator) {
+                self.potential_energies.add_work(system, &self.evaluator, kick, &self.x_dot);
+            }
             system.coordinates().to_own_axes(&mut self.x_dot);
             let x_dot = &self.x_dot;
             energy.force += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
