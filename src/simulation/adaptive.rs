@@ -6,7 +6,9 @@
 //! Q depends on the state alone and is the same for a reversed velocity, so a run backwards finds the same n, and a
 //! symmetric scheme stays symmetric: its energy does not drift (P. Hut, J. Makino, S. McMillan, Astrophys. J. 443 (1995)
 //! L93; E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2006, VIII.3.2). A rule that looks at the
-//! start of the interval alone is not symmetric, and its energy drifts. The integrating controller of E. Hairer and G.
+//! start of the interval alone is not symmetric, and its energy drifts. Elastic bodies vibrate many times per change of Q. Rigid bodies
+//! do not, and may turn fast for a small part of an interval: for them, states at the same distances from both ends are asked too,
+//! and n ≥ H · max Q. If a step has to be cut nevertheless, the interval is made again with twice as many. The integrating controller of E. Hairer and G.
 //! Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled once per interval it accumulates what fast
 //! oscillations contribute to it.
 
@@ -21,6 +23,10 @@ use crate::scene::Time;
 const SHARE: f64 = 0.8;
 /// Largest number of times that an interval is made again because its end asks for another number of steps.
 const REPEATS: usize = 3;
+/// The same for rigid bodies, whose motion may be unlike the one that was found with too few steps.
+const REPEATS_OF_BODIES: usize = 12;
+/// Largest distance between the states inside an interval that are asked, as a fraction of the interval.
+const PLACES: u64 = 8;
 /// Largest number of steps per interval.
 const MOST: f64 = 1e6;
 
@@ -133,6 +139,8 @@ impl Adaptive {
             |cause| Failure { error: StepError { t: start, h, cause }, from: Box::new(before.0.clone()) };
         let at_start = self.density(asked, system, state).map_err(failed)?;
         let mut number = level(h * at_start);
+        let has_bodies = !system.constraints().is_empty();
+        let repeats = if has_bodies { REPEATS_OF_BODIES } else { REPEATS };
         let mut tried: Vec<u64> = Vec::new();
         let mut counts = AdaptiveCounts::default();
         loop {
@@ -141,6 +149,8 @@ impl Adaptive {
             counts.steps += made;
             let part = Cut { parts: 1, ..cut };
             let mut done = March::default();
+            let stride = made.div_ceil(PLACES);
+            let mut inside: f64 = 0.0;
             let outcome = (1..=made).try_for_each(|k| {
                 let to = if k == made { end } else { start + h * (k as f64 / made as f64) };
                 let course = Course { stepper: &mut *stepper, system, state: &mut *state, pace: &mut *pace };
@@ -149,6 +159,10 @@ impl Adaptive {
                     None => None,
                 };
                 done.add(march(course, h / made as f64, to, part, check)?);
+                let is_asked = k.is_multiple_of(stride) || (made - k).is_multiple_of(stride);
+                if has_bodies && k < made && is_asked {
+                    inside = inside.max(self.density(asked, system, state).map_err(failed)?);
+                }
                 Ok(())
             });
             let at_end = outcome.and_then(|()| self.density(asked, system, state).map_err(failed));
@@ -160,8 +174,11 @@ impl Adaptive {
                     return Err(failure);
                 }
             };
-            let wanted = level(0.5 * h * (at_start + at_end));
-            let is_final = !self.is_symmetric || wanted == number || tried.len() > REPEATS;
+            let mut wanted = level(h * inside.max(0.5 * (at_start + at_end)));
+            if has_bodies && done.substeps > 0 && system.terms().live().is_empty() {
+                wanted = wanted.max(level(2.0 * number as f64));
+            }
+            let is_final = !self.is_symmetric || wanted == number || tried.len() > repeats;
             // Of two numbers that ask for each other, the larger one is taken from either end.
             if is_final || (tried.contains(&wanted) && wanted < number) {
                 (counts.fewest, counts.most) = (made, made);

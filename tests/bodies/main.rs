@@ -13,6 +13,7 @@ mod contact_scenes;
 mod contact_statics;
 mod equilibria;
 mod filtered_mass;
+mod mechanisms;
 mod parts;
 mod paths;
 #[path = "../program/mod.rs"]

@@ -59,7 +59,8 @@ impl Frequencies {
     }
 
     /// Returns the mean angular frequency of the motion of a state, rad/s: ω² = |vᵀKv|/vᵀMv + Ω² with the velocity v and
-    /// the rate Ω at which the system turns about its centre of mass. Zero at rest.
+    /// the larger Ω of two rates: at which the system turns about its centre of mass, and at which the fastest direction in a rigid
+    /// body turns. Zero at rest.
     ///
     /// # Errors
     /// Returns the errors of [`highest_frequency`].
@@ -81,7 +82,8 @@ impl Frequencies {
             let lumped = vectors::sum(n, |k| mass[k] * (velocity[k] * velocity[k]));
             square *= lumped / vectors::dot(&velocity, &state.p);
         }
-        Ok((square + turning_rate(system, state).powi(2)).sqrt())
+        let turning = turning_rate(system, state).max(director_rate(system, state));
+        Ok((square + turning.powi(2)).sqrt())
     }
 }
 
@@ -113,6 +115,23 @@ fn turning_rate(system: &System, state: &State) -> f64 {
     // A straight body has no inertia about its line.
     let size = inertia.trace();
     inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
+}
+
+/// Returns the largest rate |ḋ|/|d| of the directors d of rigid bodies, rad/s: at least √(2/3) of the rate at which the fastest body
+/// turns.
+fn director_rate(system: &System, state: &State) -> f64 {
+    let coordinates = system.coordinates();
+    let (x, v) = (system.positions(state), system.velocities(state));
+    if !x.len().is_multiple_of(3) {
+        return 0.0;
+    }
+    let length =
+        |values: &[f64], node: usize| Vector3::from_column_slice(&values[3 * node..3 * node + 3]).norm();
+    let directors = (0..x.len() / 3).filter(|&node| coordinates.is_director(node as u32));
+    directors
+        .map(|node| length(&v, node) / length(&x, node))
+        .filter(|rate| rate.is_finite())
+        .fold(0.0, f64::max)
 }
 
 /// Returns ω_max, found together by the ranks that share the system. Returns `None` if they cannot find it; the error of
