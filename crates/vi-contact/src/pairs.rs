@@ -22,6 +22,7 @@ mod energy;
 mod gaps;
 mod groups;
 mod step;
+mod term;
 
 pub use clusters::clusters;
 pub use energy::{ActivePair, Blend};

@@ -19,7 +19,7 @@
 //! the end, and its chords fade in until the layer is compressed by half as much as at the start.
 
 use super::chord::DistanceChange;
-use super::groups::{Feature, NONE, PointTerm};
+use super::term::{Feature, NONE, PointTerm};
 use crate::distance::{Closest, Vec3, at, combine};
 use crate::surface::Gauge;
 

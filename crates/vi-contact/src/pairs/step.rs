@@ -2,7 +2,8 @@
 //!
 //! With the quotient Q = (C(d₁) − C(d₀))/(d₁ − d₀) ≤ 0 and the discrete gradient N of the distance (`chord.rs`), a
 //! pair exerts −G with G_a = Q N_a. Hence Σ G·Δx = C₁ − C₀, Σ G_a = 0 and Σ x_m,a × G_a = 0, for any step and any
-//! change of closest features. The pairs are simplices and not features, so their energies add up from step to step.
+//! change of closest features. The pairs are simplices and not features, so their energies add up from step to step. Where a point passes
+//! from one cell to another, two pairs together have these properties (`crossing.rs`).
 //!
 //! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull: where a share a of the
 //! damping acts on velocities at the end of the step ([`AT_END`]), a pair that opens keeps the part a Q of its push, which that share may
