@@ -1,6 +1,9 @@
 //! Bad input ends with exit code 2 and a message that names the file, the place and the remedy. Nothing is written.
 //! `check` finds all problems at once.
 
+mod effect;
+mod numbers;
+
 use crate::program::Program;
 
 const GOOD: &str = r#"
@@ -58,103 +61,6 @@ fn values() {
     change("step = 0.01", "step = -0.01", &["scene.toml:4", "time.step", "-0.01"]);
     change("region = \"clamp\"", "region = \"clmap\"", &["scene.toml:12", "clmap", "clamp", "tip"]);
     change("body = \"beam\"", "body = \"bean\"", &["scene.toml:11", "bean", "beam"]);
-}
-
-/// A table that can have no effect is refused, with what to do instead.
-#[test]
-fn tables_without_effect() {
-    let with = |table: &str| GOOD.to_owned() + table;
-    let on = |table: &str, on: &str| with(&format!("[[{table}]]\nbody = \"beam\"\n{on}\n"));
-    refused(
-        &on("strike", "region = \"clamp\"\nimpulse = [0, 0, 1]"),
-        &["scene.toml:13: strike[0]", "[[fix]]"],
-    );
-    assert_eq!(Program::check(&on("strike", "region = \"tip\"\nimpulse = [0, 0, 1]")).code(), Some(0));
-    for (table, rest) in [
-        ("fix", ""),
-        ("strike", "impulse = [0, 0, 1]"),
-        ("attach", "stiffness = 1.0"),
-        ("probe", "name = \"p\"\nmax = \"displacement.x\""),
-    ] {
-        let key = if table == "fix" { "fix[1].nodes".to_owned() } else { format!("{table}[0].nodes") };
-        refused(&on(table, &format!("nodes = []\n{rest}")), &[&key, "lists no node"]);
-    }
-    refused(
-        &on("periodic", "from = { region = \"tip\" }\nto = { region = \"tip\" }"),
-        &["scene.toml:13: periodic[0]", "are the same nodes"],
-    );
-    let rigid = r#"
-[time]
-end = 1.0
-step = 0.01
-scheme = "stormer-verlet"
-[damping]
-mass_rate = 2.5
-[[rigid]]
-name = "r"
-shape = { kind = "sphere", radius = 0.1 }
-density = 1000.0
-"#;
-    refused(rigid, &["scene.toml:6: damping", "deformable bodies", "remove this table"]);
-    let body = &GOOD[GOOD.find("[[body]]").unwrap()..GOOD.find("[[fix]]").unwrap()];
-    let contact =
-        "[contact]\nexclude = [[\"beam\", \"other\"]]\n[[contact.pair]]\nbetween = [\"other\", \"beam\"]\n";
-    refused(
-        &format!(
-            "{}{contact}",
-            GOOD.replace("[[fix]]", &(body.replace("\"beam\"", "\"other\"") + "[[fix]]"))
-        ),
-        &["contact.pair[0].between", "`exclude`", "do not meet"],
-    );
-}
-
-/// Keys of motion are refused in search of equilibria, each by its name.
-#[test]
-fn keys_of_motion_with_statics() {
-    let still = GOOD.replace("scheme = \"stormer-verlet\"\n", "") + "[static]\n";
-    for (from, to, key) in [
-        ("[static]", "[static]\n[damping]\nmass_rate = 1.0", "damping"),
-        ("[static]", "[static]\n[assert]\nenergy_drift = 1e-3", "assert.energy_drift"),
-        (
-            "[static]",
-            "[static]\n[[strike]]\nbody = \"beam\"\nregion = \"tip\"\nimpulse = [0, 0, 1]",
-            "strike[0]",
-        ),
-        ("[[fix]]", "velocity = [1, 0, 0]\n[[fix]]", "body[0].velocity"),
-        ("[[fix]]", "angular_velocity = [1, 0, 0]\n[[fix]]", "body[0].angular_velocity"),
-        ("[[body]]", "estimate = true\n[[body]]", "time.estimate"),
-        ("[[body]]", "substeps = false\n[[body]]", "time.substeps"),
-        ("[[body]]", "scheme = \"gauss\"\nstages = 3\n[[body]]", "time.stages"),
-    ] {
-        refused(&still.replace(from, to), &[&format!(" {key}: belongs to motion"), "[static] has none"]);
-    }
-}
-
-/// Steps and frames that no run could complete are refused before it starts.
-#[test]
-fn more_steps_or_frames_than_can_be_meant() {
-    let steps = |step: &str| GOOD.replace("step = 0.01", step);
-    let uncounted = "more steps than the program can count";
-    refused(&steps("step = 1e-300"), &["scene.toml:4: time.step", uncounted]);
-    refused(
-        &steps("step = \"adaptive\"\nlargest_step = 1e-300"),
-        &["scene.toml:5: time.largest_step", uncounted],
-    );
-    refused(
-        &steps("step = \"adaptive\"").replace("stormer-verlet", "forward-euler"),
-        &["scene.toml:4: time.step", "\"forward-euler\"", "write a step in s"],
-    );
-    let output = |key: &str| GOOD.to_owned() + "[output]\n" + key;
-    refused(
-        &output("fps = 1e8"),
-        &["scene.toml:14: output.fps", "1.000e7 frames", "less than fps = 1.000e7"],
-    );
-    refused(
-        &output("interval = 1e-9").replace("step = 0.01", "step = \"adaptive\""),
-        &["scene.toml:14: output.interval", "1.000e8 frames", "more than interval = 1.000e-7"],
-    );
-    // Each of the ten steps has one frame at most.
-    assert_eq!(Program::check(&output("interval = 1e-9")).code(), Some(0));
 }
 
 #[test]
@@ -261,111 +167,6 @@ fn an_equilibrium_needs_no_scheme() {
     let scene = GOOD.replace("scheme = \"stormer-verlet\"\n", "") + "\n[static]\n";
     let program = Program::check(&scene);
     assert_eq!(program.code(), Some(0), "{}", program.errors());
-}
-
-/// How TOML writes numbers that are not finite.
-const NOT_FINITE: [&str; 3] = ["nan", "inf", "-inf"];
-
-/// Every number of a scene that uses every table is refused if it is nan or infinite, whatever its key.
-#[test]
-fn numbers_that_are_not_finite() {
-    let scene = r#"
-gravity = [0.0, 0.0, -9.81]
-[time]
-end = 0.1
-step = 0.01
-scheme = "stormer-verlet"
-tolerance = 0.01
-[[body]]
-name = "a"
-box = { size = [1.0, 1.0, 1.0], cells = [1, 1, 1], element = "tet4", origin = [0.5, 0.5, 0.5] }
-material = { law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }
-scale = 1.5
-translate = [1.5, 1.5, 1.5]
-velocity = [1.5, 1.5, 1.5]
-angular_velocity = [1.5, 1.5, 1.5]
-[[body]]
-name = "s"
-sheet = { size = [1.0, 1.0], cells = [1, 1], origin = [5.5, 5.5, 5.5], directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]] }
-material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, density = 1000.0, thickness = 0.001 }
-[[rigid]]
-name = "r"
-mass = 1.5
-shape = { kind = "rod", length = 0.5, radius = 0.02 }
-position = [8.5, 0.5, 0.5]
-[[joint]]
-kind = "ball"
-body = "r"
-point = [8.5, 0.5, 0.5]
-[[fix]]
-body = "a"
-box = { min = [-9.5, -9.5, -9.5], max = [9.5, 9.5, 9.5] }
-motion = { kind = "sine", amplitude = [0.5, 0.5, 0.5], frequency = 8.5 }
-[[spring]]
-from = { body = "a", point = [0.5, 0.5, 0.5] }
-to = { point = [0.5, 0.5, 0.5] }
-stiffness = 10.5
-length = 0.5
-[[load]]
-kind = "pressure"
-body = "a"
-region = "x-max"
-pressure = 10.5
-[[strike]]
-body = "a"
-region = "x-max"
-impulse = [0.5, 0.5, 0.5]
-[wind]
-velocity = [0.5, 0.5, 0.5]
-density = 1.5
-[damping]
-shear_viscosity = 0.5
-mass_rate = 0.5
-[[probe]]
-name = "p"
-body = "a"
-point = [0.5, 0.5, 0.5]
-[solver]
-tolerance = 0.001
-[output]
-interval = 0.05
-[checkpoint]
-interval = 0.05
-[guard]
-action = "warn"
-bound = 0.05
-[assert]
-energy_drift = 0.5
-momentum_drift = 0.5
-angular_momentum_drift = 0.5
-"#;
-    let problems = |scene: &str| variational::scene::Scene::parse(scene, &[]).problems;
-    assert!(problems(scene).is_empty(), "{:?}", problems(scene));
-    let is_number = |c: char| c.is_ascii_digit() || ".-+e".contains(c);
-    let mut tried = 0;
-    for (at, line) in scene.lines().enumerate().filter(|(_, line)| line.contains('=')) {
-        for (start, _) in line.match_indices(|c: char| c.is_ascii_digit() || c == '-') {
-            let is_start =
-                !line[..start].ends_with(|c: char| is_number(c) || c.is_ascii_alphanumeric() || c == '_');
-            let number: String = line[start..].chars().take_while(|&c| is_number(c)).collect();
-            if !is_start || !number.contains(['.', 'e']) || line[..start].matches('"').count() % 2 == 1 {
-                continue;
-            }
-            for word in NOT_FINITE {
-                let changed = format!("{}{word}{}", &line[..start], &line[start + number.len()..]);
-                let lines = scene.lines().enumerate();
-                let text: Vec<&str> = lines.map(|(i, old)| if i == at { &*changed } else { old }).collect();
-                let found = problems(&text.join("\n"));
-                // A box that selects nodes may be unbounded: below in `min` and above in `max`.
-                let is_bound = line.starts_with("box = { min");
-                let is_open = is_bound && word == if line[..start].contains("max") { "inf" } else { "-inf" };
-                let is_refused = found.iter().any(|problem| problem.line == Some(at + 1));
-                assert_eq!(is_refused, !is_open, "{changed}: {found:?}");
-                tried += 1;
-            }
-        }
-    }
-    assert!(tried > 200, "{tried}");
 }
 
 /// Names that head columns are checked: no two columns of history.csv have the same name, and no name needs quotes.
@@ -529,39 +330,6 @@ fn boxes_may_be_half_infinite() {
     }
 }
 
-/// A number that is not finite is named by its key and its value, also in the tables of materials.
-#[test]
-fn numbers_that_are_not_finite_are_named() {
-    change(
-        "young = 1e6",
-        "young = nan",
-        &["scene.toml:9: body[0].material.young: must be a finite number, is NaN"],
-    );
-    change("density = 1000.0", "density = inf", &["scene.toml:9: body[0].material.density", "is inf"]);
-    change("step = 0.01", "step = -inf", &["scene.toml:4: time.step", "is -inf"]);
-}
-
-/// An amplitude without a finite value is named with its key, its value and the time: at the start by the check, later by the run.
-#[test]
-fn amplitudes_that_are_not_finite() {
-    let load = |amplitude: &str| {
-        format!(
-            "{GOOD}[[load]]\nkind = \"traction\"\nbody = \"beam\"\nregion = \"tip\"\ntraction = [1, 0, 0]\n\
-             amplitude = \"{amplitude}\"\n"
-        )
-    };
-    for (amplitude, value) in [("sin(t)/t", "NaN"), ("log(-1-t)", "NaN"), ("1/t", "inf")] {
-        refused(&load(amplitude), &["scene.toml:18: load[0].amplitude", &format!("is {value} at t = 0 s")]);
-    }
-    let gravity = format!("gravity = [0, 0, -9.81]\ngravity_amplitude = \"0/0\"\n{GOOD}");
-    refused(&gravity, &["scene.toml:2: gravity_amplitude", "is NaN at t = 0 s"]);
-    let late = Program::try_run(&load("sqrt(0.05 - t)").replace("step = 0.01", "step = 1e-4"), &[]);
-    assert_eq!(late.code(), Some(4), "{}", late.errors());
-    let errors = late.errors();
-    assert!(errors.contains("load[0]") && errors.contains("amplitude = NaN must be finite"), "{errors}");
-    assert!(errors.contains("from t = 0.05") || errors.contains("from t = 0.049"), "{errors}");
-}
-
 /// Tables that name a body of the other kind say so, and what to write instead.
 #[test]
 fn rigid_and_deformable_bodies_are_told_apart() {
@@ -653,21 +421,4 @@ fn a_scene_that_is_no_utf_8() {
         .unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && said.contains("save it as UTF-8"), "{said}");
-}
-
-/// Equilibria have no scheme and no time step that a bench could compare.
-#[test]
-fn a_bench_refuses_statics() {
-    let program = Program::check(
-        "[time]\nend = 1.0\nstep = 0.5\n[static]\n[[body]]\nname = \"b\"\nbox = { size = [1.0, 0.2, 0.2], cells = [2, 1, 1] }\n\
-         material = { law = \"linear\", young = 1e6, poisson = 0.3, density = 1000.0 }\n[[fix]]\nbody = \"b\"\nregion = \"x-min\"\n",
-    );
-    let output = crate::program::command()
-        .current_dir(program.directory())
-        .args(["bench", "scene.toml", "--budget", "2"])
-        .output()
-        .unwrap();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert_eq!(output.status.code(), Some(2), "{errors}");
-    assert!(errors.contains("[static]"), "{errors}");
 }
