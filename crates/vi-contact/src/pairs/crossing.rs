@@ -12,8 +12,8 @@
 //! ```text
 //! N_a = c₀,a (½ Z + (½ − λ) R)/(d₀ + d₁) + c₁,a (½ Z + (½ + λ) R)/(d₀ + d₁),   R = ρ^c̄(x_m),   Z = R + λ ρ^δ(x_m).
 //! ```
-//! Forces remain continuous functions of the end. In a valley, a chord of A and B does not become one of A when the point leaves
-//! the part where both are near, so that sums, and not only closest features, must determine the chords. Two cases fade out. λ is bounded only
+//! The sums at the start do not depend on the end, so forces are continuous functions of it. Sums at the end would jump where a cell
+//! comes within reach. In valleys the rule is therefore not symmetric in time. Two cases fade out. λ is bounded only
 //! where the surface is convex between S and j: 1 + (p₀ − p₁)/(½(a₀ + a₁)) is then at least one. In valleys it may be less, and forces
 //! change to those of the simplices as it falls from ¾ to ½. If e is out of reach at the start, B joins as soon as it is within reach at
 //! the end, and its chords fade in until the layer is compressed by half as much as at the start.
