@@ -104,7 +104,7 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
         out!("{} of {} points are done, {} of them failed", report.done, report.points, report.failed);
         out!("written to {}", json.tables[0]);
     });
-    if report.interrupted { watch.stop.code() } else { report.exit }
+    if report.interrupted { watch.stop.code() } else { exit::DONE }
 }
 
 struct Watch {

@@ -31,8 +31,6 @@ pub struct SweepReport {
     pub done: usize,
     /// Ended points with an error.
     pub failed: usize,
-    /// Exit code of the first of them; 0 if there are none.
-    pub exit: u8,
     /// Whether the sweep was ended from outside before all points of the task were done.
     pub interrupted: bool,
 }
@@ -67,12 +65,11 @@ pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepRepo
             .map(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
             .collect()
     });
-    let (done, exits) = table::write(options, &points, &identities)?;
+    let (done, failed) = table::write(options, &points, &identities)?;
     results.into_iter().collect::<Result<(), _>>()?;
     let is_open = |point: &&&Point| point.end(&identities).is_none();
     let interrupted = mine.iter().filter(is_open).count() > 0;
-    let exit = exits.first().copied().unwrap_or(0);
-    Ok(SweepReport { points: points.len(), done, failed: exits.len(), exit, interrupted })
+    Ok(SweepReport { points: points.len(), done, failed, interrupted })
 }
 
 /// Returns all points; the last axis varies fastest.

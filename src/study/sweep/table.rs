@@ -17,7 +17,7 @@ struct Found {
     report: Value,
 }
 
-/// Writes both tables; returns how many points are done, and the exit codes of those that ended with an error.
+/// Writes both tables; returns how many points are done, and how many of these ended with an error.
 ///
 /// Tasks that end at the same time each write the whole table: the last one to write has seen the points of all
 /// tasks.
@@ -25,7 +25,7 @@ pub(super) fn write(
     options: &SweepOptions,
     points: &[Point],
     identities: &Identities,
-) -> Result<(usize, Vec<u8>), SweepError> {
+) -> Result<(usize, usize), SweepError> {
     loop {
         let found: Vec<Found> = points.iter().map(|point| find(point, identities)).collect();
         let done = found.iter().filter(|found| found.end.is_some()).count();
@@ -34,8 +34,8 @@ pub(super) fn write(
         let path = options.directory.join("sweep-times.csv");
         write_whole(&path, &times(points, &found)).map_err(SweepError::files(&path))?;
         if points.iter().filter(|point| point.end(identities).is_some()).count() == done {
-            let exits = found.iter().filter_map(|found| Some(found.end.as_ref()?.exit));
-            return Ok((done, exits.filter(|&exit| exit != 0).collect()));
+            let failed = found.iter().filter(|found| found.end.as_ref().is_some_and(|end| end.exit != 0));
+            return Ok((done, failed.count()));
         }
     }
 }
