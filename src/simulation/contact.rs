@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 use vi_contact::{ContactPotential, ContactTerm, Gap};
-use vi_core::Impulse;
+use vi_core::{Impulse, Potential};
 
 use crate::model::ContactModel;
 use crate::record::record;
@@ -122,8 +122,7 @@ impl ContactWatch {
     /// Stores the forces at positions x of the component, for equilibria and for schemes that do not know the impulses of their
     /// steps.
     pub(crate) fn enter_forces_at(&mut self, x: &[f64]) {
-        let forces = self.near(x).forces(x).into_iter();
-        self.forces = forces.map(|(between, value)| Impulse { between, value }).collect();
+        self.forces = self.near(x).forces_between(x);
     }
 
     /// Returns the number of triangles that are searched.

@@ -246,21 +246,6 @@ impl ContactPotential {
         self.contact().smallest_gaps(x)
     }
 
-    /// Returns the contact force (N, without friction) at x on the first body of each pair of bodies, by the numbers of
-    /// both bodies in increasing order.
-    pub fn forces(&self, x: &[f64]) -> BTreeMap<[u32; 2], [f64; 3]> {
-        let mut forces = BTreeMap::<[u32; 2], [f64; 3]>::new();
-        for pair in self.contact().active(x) {
-            let [a, b] = self.surface.bodies_of(pair.partners);
-            let force = forces.entry([a.min(b), a.max(b)]).or_default();
-            let sign = if a <= b { -1.0 } else { 1.0 };
-            for gradient in &pair.gradient(x)[..pair.partners.first_count()] {
-                (0..3).for_each(|axis| force[axis] += sign * gradient[axis]);
-            }
-        }
-        forces
-    }
-
     /// Returns the fraction in [0, 1] of the straight path from x to x + dx that is proved free of contact.
     pub fn free_path(&self, x: &[f64], dx: &[f64]) -> f64 {
         let end: Vec<f64> = x.iter().zip(dx).map(|(x, dx)| x + dx).collect();
@@ -357,7 +342,16 @@ impl Potential for ContactPotential {
     }
 
     fn forces_between(&self, x: &[f64]) -> Vec<Impulse> {
-        self.forces(x).into_iter().map(|(between, value)| Impulse { between, value }).collect()
+        let mut forces = BTreeMap::<[u32; 2], [f64; 3]>::new();
+        for pair in self.contact().active(x) {
+            let [a, b] = self.surface.bodies_of(pair.partners);
+            let force = forces.entry([a.min(b), a.max(b)]).or_default();
+            let sign = if a <= b { -1.0 } else { 1.0 };
+            for gradient in &pair.gradient(x)[..pair.partners.first_count()] {
+                (0..3).for_each(|axis| force[axis] += sign * gradient[axis]);
+            }
+        }
+        forces.into_iter().map(|(between, value)| Impulse { between, value }).collect()
     }
 
     fn lagged_friction(

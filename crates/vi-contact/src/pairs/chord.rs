@@ -39,6 +39,13 @@ struct WeightShift {
     weight: f64,
 }
 
+/// Returns λ and its denominator (m²), given the a_i and p_i at both ends (m²).
+pub(super) fn lambda([a0, a1]: [f64; 2], [p0, p1]: [f64; 2]) -> (f64, f64) {
+    let weight = 0.5 * (a0 + a1) + p0 - p1;
+    let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
+    (lambda, weight)
+}
+
 impl WeightShift {
     #[inline]
     fn new(start: &Closest, end: &Closest, [x0, x1]: [&[Vec3; 4]; 2]) -> Self {
@@ -52,8 +59,7 @@ impl WeightShift {
         let (a0, a1) = (vectors[0].norm_squared(), vectors[1].norm_squared());
         let p0 = start.vector.dot(&vectors[0]).max(0.0);
         let p1 = end.vector.dot(&vectors[1]).min(0.0);
-        let weight = 0.5 * (a0 + a1) + p0 - p1;
-        let lambda = if weight > 0.0 { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
+        let (lambda, weight) = lambda([a0, a1], [p0, p1]);
         Self { mean, delta, middle, lambda, vectors, along: [p0, p1], weight }
     }
 }

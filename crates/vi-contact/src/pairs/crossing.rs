@@ -18,7 +18,7 @@
 //! change to those of the simplices as it falls from ¾ to ½. If e is out of reach at the start, B joins as soon as it is within reach at
 //! the end, and its chords fade in until the layer is compressed by half as much as at the start.
 
-use super::chord::DistanceChange;
+use super::chord::{DistanceChange, lambda};
 use super::term::{Feature, NONE, PointTerm};
 use crate::distance::{Closest, Vec3, at, combine};
 use crate::surface::Gauge;
@@ -164,10 +164,9 @@ impl Chord {
         let by_end = [combine(&c1, &places(to, 0)), end.vector];
         let slips = [0, 1].map(|k: usize| by_end[k] - by_start[k]);
         let [a0, a1] = slips.map(|slip| slip.norm_squared());
-        let [p0, p1] = [start.vector.dot(&slips[0]), end.vector.dot(&slips[1])];
-        let (mean, weight) = (0.5 * (a0 + a1), 0.5 * (a0 + a1) + p0 - p1);
+        let (lambda, weight) = lambda([a0, a1], [start.vector.dot(&slips[0]), end.vector.dot(&slips[1])]);
+        let mean = 0.5 * (a0 + a1);
         let convexity = if mean > 0.0 { weight / mean } else { 0.0 };
-        let lambda = if convexity > VALLEY[0] { (0.25 * (a1 - a0) - (p0 + p1)) / weight } else { 0.0 };
         let rho = (by_start[0] + by_start[1] + by_end[0] + by_end[1]) * 0.25;
         let rho_other = rho + (slips[0] + slips[1]) * (0.5 * lambda);
         let inverse = 1.0 / (start.distance() + end.distance());

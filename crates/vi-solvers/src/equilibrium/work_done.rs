@@ -53,13 +53,7 @@ impl WorkDone {
     }
 }
 
-/// Returns the energy of the potentials that depend on t, J.
+/// Returns the energy of the terms that change with time, J.
 fn time_dependent(system: &System, x: &[f64], t: f64) -> f64 {
-    let of = |term: &dyn vi_core::Potential| {
-        let mut energies = vec![0.0; term.stencil_count()];
-        term.energies(0..energies.len(), x, t, &mut energies);
-        energies.iter().sum::<f64>()
-    };
-    let terms = system.potentials().iter().filter(|term| term.traits().time_dependent);
-    terms.map(|term| of(term.as_ref())).sum()
+    accounts::changing(system).map(|term| accounts::energy_of(term, x, t)).sum()
 }

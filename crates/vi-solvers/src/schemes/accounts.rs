@@ -22,12 +22,12 @@ pub(crate) fn prescribed_work(system: &System, gradient: &[f64], along: &[f64]) 
 }
 
 /// Returns the terms of the potential that change with time.
-fn changing(system: &System) -> impl Iterator<Item = &dyn Potential> {
+pub(crate) fn changing(system: &System) -> impl Iterator<Item = &dyn Potential> {
     system.potentials().iter().map(AsRef::as_ref).filter(|term| term.traits().time_dependent)
 }
 
 /// Returns the energy of a term, J.
-fn energy_of(term: &dyn Potential, x: &[f64], t: f64) -> f64 {
+pub(crate) fn energy_of(term: &dyn Potential, x: &[f64], t: f64) -> f64 {
     term.energy(x, t).unwrap_or_else(|| {
         let mut energies = vec![0.0; term.stencil_count()];
         term.energies(0..energies.len(), x, t, &mut energies);
