@@ -43,6 +43,12 @@ impl ConstraintManifold {
         Some(Self { clusters, reads_prescribed, x, x_dot, is_ranked: false })
     }
 
+    /// Returns the number of free coordinates that constraints read.
+    pub(crate) fn coordinate_count(&self) -> usize {
+        let of = |cluster: &Cluster| cluster.free.iter().filter(|&&free| free != NONE).count();
+        self.clusters.iter().map(of).sum()
+    }
+
     /// Returns the number of multipliers.
     pub(crate) fn multiplier_count(&self) -> usize {
         self.clusters.iter().map(|cluster| cluster.constraints.len()).sum()

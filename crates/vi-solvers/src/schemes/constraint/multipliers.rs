@@ -171,6 +171,11 @@ impl Multipliers {
         Ok(self.load.iter().zip(&*correction).map(|(r, d)| r * d).sum::<f64>() / c)
     }
 
+    /// Returns whether constraints read all free coordinates: the system consists of rigid bodies and joints.
+    pub(crate) fn read_all(&self) -> bool {
+        self.manifold.coordinate_count() == self.load.len()
+    }
+
     /// Returns the number of multipliers; `None` if constraints depend on each other, so that no matrix with them has factors.
     pub(crate) fn count_of_independent(&self) -> Option<usize> {
         (!self.manifold.is_redundant()).then_some(self.forces.len())

@@ -2,7 +2,7 @@
 
 use vi_core::System;
 
-use super::rule::Rule;
+use super::rule::{MultiplierDirections, Rule};
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
@@ -21,6 +21,14 @@ impl<R: Rule> StageEquations<'_, R> {
         }
         let end: Vec<f64> = origin.iter().zip(offset).map(|(q, offset)| q + end_per_stage * offset).collect();
         evaluator.meets_pairs(self.system, (origin, *start_t), (&end, start_t + h))
+    }
+
+    /// Returns whether all bodies are rigid, and constraints act along directions of the stage. The symmetric model omits the curvature of
+    /// the constraints then, while the complete tangent is small and sparse.
+    pub(super) fn is_mechanism(&self) -> bool {
+        let follows_stage = self.rule.multiplier_directions() == Some(MultiplierDirections::Stage);
+        let is_rigid = self.stage.multipliers.as_ref().is_some_and(Multipliers::read_all);
+        follows_stage && is_rigid && self.complete_size().is_some()
     }
 
     /// Shortens the change `delta` of w, node by node, until no pair meets on the path of the end of the step from that

@@ -329,11 +329,16 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn longest_correction(&self, evaluator: &Evaluator) -> f64 {
+        let reach = evaluator.reach();
+        if reach == 0.0 {
+            // Nothing can meet.
+            return f64::INFINITY;
+        }
         let Stage { offset, w, residual, .. } = &*self.stage;
         let (mass, count) = (self.system.free_mass(), offset.len());
         let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
         let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
-        let bound = (3.0_f64.sqrt() * 2.0 * pushed).min(REACHES * evaluator.reach());
+        let bound = (3.0_f64.sqrt() * 2.0 * pushed).min(REACHES * reach);
         3.0_f64.sqrt() * FARTHEST * motion + bound
     }
 
