@@ -55,10 +55,13 @@ impl Surface {
     }
 
     /// Returns the scale of the energy of two edges with a layer modulus (Pa) and an activation distance (m), J.
+    ///
+    /// The crossing represents the area A B/(A + B) if the edges represent A and B: half of it if both are equal, and no more than the
+    /// smaller one, however long the other edge is. Several short edges cross a long one, and each of them takes its own part.
     #[inline]
     fn edge_energy(&self, edges: [u32; 2], stiffness: f64, distance: f64) -> f64 {
         let [a, b] = edges.map(|edge| &self.edges[edge as usize]);
-        0.25 * (a.area + b.area) * stiffness * distance
+        a.area * b.area / (a.area + b.area) * stiffness * distance
     }
 
     #[inline]
@@ -66,5 +69,36 @@ impl Surface {
         let [a, b] = edges.map(|edge| &self.edges[edge as usize]);
         let reach = gauge.thickness + Blend::of_edges(self.barrier, a, b).reach() * gauge.distance;
         EdgePair { edges, nodes, gauge, reach }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::surface::{Body, Surface, SurfaceBuilder};
+
+    /// Returns the surface of an edge of this length (m) that crosses one of .2 m.
+    fn crossing(length: f64) -> Surface {
+        let end = 0.5 * length;
+        let x = [-end, 0.0, 0.2, end, 0.0, 0.2, 0.0, -0.1, 0.0, 0.0, 0.1, 0.0];
+        let mut builder = SurfaceBuilder::new(&x);
+        let mut body =
+            || builder.body(Body { radius: 0.05, distance: 0.01, stiffness: 1e5, meets_itself: false });
+        let bodies = [body(), body()];
+        builder.segment(bodies[0], [0, 1], 1e-3);
+        builder.segment(bodies[1], [2, 3], 1e-3);
+        builder.build().expect("a valid surface")
+    }
+
+    /// However long an edge is, its crossing with a short one has no more energy than twice that of two short ones.
+    #[test]
+    fn a_crossing_represents_no_more_than_the_smaller_area() {
+        let energy = |length: f64| {
+            let surface = crossing(length);
+            surface.edge_pair([0, 1]).expect("two edges that may meet").gauge.energy
+        };
+        for (length, ratio) in [(0.2, 1.0), (20.0, 40.0 / 20.2), (2e6, 2.0), (2e-3, 4e-3 / 0.202)] {
+            let found = energy(length) / energy(0.2);
+            assert!((found - ratio).abs() < 1e-6, "{length}: {found}");
+        }
     }
 }
