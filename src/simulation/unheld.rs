@@ -1,7 +1,7 @@
 //! Finds what moves freely in a scene that has no equilibrium: bodies that nothing holds along an axis, and whose loads along it do
 //! not balance.
 
-use vi_core::State;
+use vi_core::{State, System};
 use vi_solvers::{SolverError, net_forces};
 
 use super::Simulation;
@@ -50,7 +50,13 @@ impl Simulation {
                         .fold([0.0; 2], |[sum, size], force| [sum + force, size + force.abs()])
                 };
                 let [load, size] = force(0.0);
-                let is_free = |part: f64| (force(part)[0] - load).abs() <= ROUND_OFF * load.abs();
+                let is_free = |part: f64| {
+                    let moved = State {
+                        q: loaded.q.iter().zip(&change).map(|(q, change)| q + part * change).collect(),
+                        ..loaded.clone()
+                    };
+                    (force(part)[0] - load).abs() <= ROUND_OFF * load.abs() && meets_joints(system, &moved)
+                };
                 if load.abs() > ROUND_OFF * size && is_free(TRIAL * extent) && is_free(-TRIAL * extent) {
                     let names: Vec<String> =
                         names.iter().map(|&body| format!("'{}'", name_of(&self.scene, body))).collect();
@@ -61,4 +67,11 @@ impl Simulation {
         }
         None
     }
+}
+
+/// Returns whether a state meets the constraints of a system, up to a small part of the terms that they sum.
+fn meets_joints(system: &System, state: &State) -> bool {
+    let x = system.positions(state);
+    let size = |node: u32| x[3 * node as usize..][..3].iter().fold(0.0, |size: f64, x| size.max(x.abs()));
+    system.constraints().iter().all(|joint| joint.value(&x).abs() <= ROUND_OFF * joint.magnitude(&x, size))
 }

@@ -20,6 +20,7 @@ mod paths;
 #[path = "../program/mod.rs"]
 mod program;
 mod rigid;
+mod rigid_statics;
 mod sheet_files;
 mod sheets;
 mod stiff_cloth;

@@ -23,6 +23,11 @@ use crate::vectors;
 const STIFF: f64 = 10.0;
 /// The same, relative to the acceleration by the loads over the extent of the bodies: for bodies without stiffness of their own.
 const STIFF_AGAINST_LOADS: f64 = 1e3;
+/// Constraints that are stiff against the loads are made stiffer by `MUCH_STIFFER` if the tangent was not positive definite on the way to an
+/// equilibrium, up to `MOST_ATTEMPTS` times in all. Soft ones may give way so far that the bodies pass into another configuration that meets
+/// the constraints: two welded boxes 1 m long, with a stiffness of 1e3, turned by 120° under their weight.
+const MUCH_STIFFER: f64 = 100.0;
+const MOST_ATTEMPTS: u32 = 4;
 /// If a round leaves more than this fraction of the defect, constraints are too soft and become stiffer by `STIFFER`.
 const SLOW: f64 = 0.1;
 const STIFFER: f64 = 10.0;
@@ -54,6 +59,8 @@ pub(crate) struct ConstraintForces {
     held: Vec<Arc<Held>>,
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
+    /// Whether the loads determine the stiffness of the constraints, and not that of the bodies.
+    is_by_loads: bool,
 }
 
 impl Held {
@@ -161,14 +168,14 @@ impl ConstraintForces {
         let potentials = held.iter().map(|held| Arc::clone(held) as Arc<dyn Potential>).collect();
         let system = system.with_potentials_for_constraints(potentials).map_err(|_| refused())?;
         let free_of = free_of(system.coordinates());
-        Ok(Some((Self { held, free_of }, system)))
+        Ok(Some((Self { held, free_of, is_by_loads: false }, system)))
     }
 
     /// Makes the constraints stiff relative to the body and its loads at (q, t), if they are not yet.
     ///
     /// # Errors
     /// Returns the errors of the forces and the tangent there.
-    pub(super) fn stiffen(&self, balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
+    pub(super) fn stiffen(&mut self, balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
         if self.held.iter().any(|held| held.hold().stiffness > 0.0) {
             return Ok(());
         }
@@ -178,7 +185,9 @@ impl ConstraintForces {
         let (square, total) =
             (vectors::sum(q.len(), |k| r[k] * r[k] / mass[k]), vectors::sum(q.len(), |k| mass[k]));
         let by_loads = STIFF_AGAINST_LOADS * (square / total).sqrt() / balance.extent();
-        let stiffest = (STIFF * balance.stiffest(q, t)?).max(by_loads);
+        let by_bodies = STIFF * balance.stiffest(q, t)?;
+        let stiffest = by_bodies.max(by_loads);
+        self.is_by_loads = by_loads >= by_bodies;
         let x = balance.positions(q, t);
         for held in &self.held {
             let along = held.gradient(&held.place(&x), 1.0);
@@ -194,21 +203,48 @@ impl ConstraintForces {
         Ok(())
     }
 
-    /// Finds an equilibrium that meets the constraints. `solve` finds one with the present forces of the constraints, and returns the
-    /// positions of all coordinates there. The forces remain as they were if this fails.
+    /// Finds an equilibrium that meets the constraints, from the guess `q`. `solve` finds one with the present forces of the constraints,
+    /// from a guess that it replaces, and returns the positions of all coordinates there. Where the loads determine the stiffness of
+    /// constraints and the tangent was not positive definite, this is tried again with stiffer ones. The forces remain as they
+    /// were if this fails.
     ///
     /// # Errors
     /// Returns the errors of `solve`, or [`SolverError::ConstraintDefect`] if defects do not vanish.
     pub(super) fn meet(
         &self,
-        solve: impl FnMut() -> Result<(Vec<f64>, Solved), SolverError>,
+        q: &mut [f64],
+        mut solve: impl FnMut(&mut [f64]) -> Result<(Vec<f64>, Solved), SolverError>,
     ) -> Result<Solved, SolverError> {
-        let kept: Vec<Hold> = self.held.iter().map(|held| held.hold()).collect();
-        let result = self.rounds(solve);
-        if result.is_err() {
-            self.held.iter().zip(kept).for_each(|(held, hold)| held.set(hold));
+        let (start, kept) = (q.to_vec(), self.holds());
+        let mut first = self.rounds(|| solve(q));
+        let mut reached = (q.to_vec(), self.holds());
+        for attempt in 1..MOST_ATTEMPTS {
+            let is_interrupted = first.as_ref().is_err_and(SolverError::is_interruption);
+            if !self.is_by_loads
+                || is_interrupted
+                || first.as_ref().is_ok_and(|solved| solved.stayed_definite)
+            {
+                break;
+            }
+            q.copy_from_slice(&start);
+            let factor = MUCH_STIFFER.powi(attempt as i32);
+            self.hold_with(kept.iter().map(|hold| Hold { stiffness: factor * hold.stiffness, ..*hold }));
+            let next = self.rounds(|| solve(q));
+            if next.as_ref().is_ok_and(|solved| solved.stayed_definite || first.is_err()) {
+                (first, reached) = (next, (q.to_vec(), self.holds()));
+            }
         }
-        result
+        q.copy_from_slice(&reached.0);
+        self.hold_with(if first.is_ok() { reached.1 } else { kept }.into_iter());
+        first
+    }
+
+    fn holds(&self) -> Vec<Hold> {
+        self.held.iter().map(|held| held.hold()).collect()
+    }
+
+    fn hold_with(&self, holds: impl Iterator<Item = Hold>) {
+        self.held.iter().zip(holds).for_each(|(held, hold)| held.set(hold));
     }
 
     /// Returns the largest coordinate of points and of directors: all have its round-off, because coordinates near zero are sums.

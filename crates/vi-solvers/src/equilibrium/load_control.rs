@@ -201,7 +201,7 @@ impl Search<'_> {
         balance.check_move(state, q, t)?;
         let Some(constraints) = constraints else { return rubbing::solve(balance, q, t, stop) };
         constraints.stiffen(balance, q, t)?;
-        constraints.meet(|| {
+        constraints.meet(q, |q| {
             let solved = rubbing::solve(balance, q, t, stop)?;
             Ok((balance.positions(q, t), solved))
         })
