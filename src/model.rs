@@ -32,6 +32,7 @@ mod select;
 mod shape;
 mod sheets;
 mod size;
+mod strikes;
 mod ties;
 
 pub(crate) use assemble::Model;

@@ -21,12 +21,12 @@ use super::read::ReadBody;
 use super::regions::RegionProbe;
 use super::resolve::{
     ControlTarget, End, PeriodicPairs, Resolved, ResolvedFix, ResolvedJoint, ResolvedLoad, ResolvedRigid,
-    ResolvedSpring,
+    ResolvedSpring, ResolvedStrike,
 };
 use super::rigid::{self, Attached, RigidModel};
 use super::ties::TieSet;
 use super::{directions, loads, sheets};
-use crate::scene::{BodyId, Damping, MassKind, Problem, Scene, Strike};
+use crate::scene::{BodyId, Damping, MassKind, Problem, Scene};
 
 /// A scene as systems.
 pub(crate) struct Model {
@@ -81,7 +81,8 @@ pub(super) fn assemble(
         let rest = if scene.contact.is_some() { component.rest.clone() } else { Vec::new() };
         let bodies = &parts.bodies;
         let made = component.into_system(scene, &nodal_fixes(&fixes, bodies, number));
-        let made = made.and_then(|(system, mut state)| {
+        let made = made.and_then(|(system, mut state, notes)| {
+            parts.notes.extend(notes);
             let surfaces = Surfaces { bodies, rigids: &rigids, rest: &rest, stitches: &parts.stitches };
             let contact =
                 contact(scene, number, (&system, &mut state), &surfaces, &mut meeting, &mut parted)?;
@@ -218,11 +219,13 @@ impl Parts {
         }
     }
 
-    fn add_strikes(&mut self, strikes: &[(&Strike, NodeSet)]) {
-        for (strike, NodeSet { body, nodes }) in strikes {
-            let body = &self.bodies[body.index()];
-            let nodes = nodes.iter().map(|&node| body.node(node as usize));
-            self.components[body.component].strike(nodes, strike.impulse);
+    fn add_strikes(&mut self, strikes: &[ResolvedStrike<'_>]) {
+        for ResolvedStrike { index, strike, on } in strikes {
+            let body = &self.bodies[on.body.index()];
+            let component = &mut self.components[body.component];
+            let number = |&node: &u32| body.node(node as usize);
+            let nodes = on.nodes.iter().map(number).map(|node| (node as u32, component.mass[node])).collect();
+            component.strikes.push(StruckNodes { index: *index, impulse: strike.impulse, nodes });
         }
     }
 

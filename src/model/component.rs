@@ -9,6 +9,7 @@ use vi_core::{Combination, Fixed, Force, Potential, Prescribed, State, System, T
 use vi_fem::{Gravity, Tie};
 
 use super::prescribe::{NodalFix, coordinates};
+use super::strikes::{StruckNodes, struck_state};
 use super::{periodic, rigid, ties};
 use crate::scene::{MassKind, Problem, Scene};
 
@@ -40,6 +41,7 @@ pub(super) struct ComponentBuilder {
     /// Pairs of nodes with equal displacements, each with the number of its periodic pair in the scene.
     pub(super) periodic: Vec<((u32, u32), usize)>,
     pub(super) constraints: Vec<QuadraticConstraint>,
+    pub(super) strikes: Vec<StruckNodes>,
     prescribed: Vec<Prescribed>,
 }
 
@@ -73,16 +75,6 @@ impl ComponentBuilder {
             vi_core::redistribute_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);
         }
         mass
-    }
-
-    /// Distributes an impulse (N s) over nodes by mass: all get the velocity impulse / Σm.
-    pub(super) fn strike(&mut self, nodes: impl Iterator<Item = usize> + Clone, impulse: [f64; 3]) {
-        let mass: f64 = nodes.clone().map(|node| self.mass[node]).sum();
-        for node in nodes {
-            for k in 0..3 {
-                self.v[3 * node + k] += impulse[k] / mass;
-            }
-        }
     }
 
     /// Ties nodes of periodic parts to their partners. Returns each tied node with the one that it follows.
@@ -119,6 +111,7 @@ impl ComponentBuilder {
         Ok(leaders)
     }
 
+    /// Returns the system, its initial state, and notes on the latter.
     pub(super) fn into_system(
         mut self,
         scene: &Scene,
@@ -161,11 +154,10 @@ impl ComponentBuilder {
             .map_err(|error| Problem::new("solver.mass", error.to_string()))?;
         let moves = system.coordinates().free_count() > 0;
         let system = if is_filtered && moves { filtered(system, rest.as_flattened())? } else { system };
-        let mut state =
-            system.state(0.0, &self.x, &self.v).map_err(|error| Problem::new("body", error.to_string()))?;
+        let (mut state, notes) = struck_state(&system, &self.strikes, &self.x, self.v)?;
         vi_solvers::make_tangent(&system, &mut state)
             .map_err(|error| Problem::new("joint", error.to_string()))?;
-        Ok((system, state))
+        Ok((system, state, notes))
     }
 }
 

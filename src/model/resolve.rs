@@ -1,7 +1,7 @@
 //! Resolves the names in a scene: bodies, rigid bodies, regions and nodes. It reports all problems of the meshes and
 //! the names. Nothing is looked up by name afterwards.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 use std::sync::Arc;
 
 use super::body::{NodeSet, ProbeTarget};
@@ -22,7 +22,7 @@ pub(super) struct Resolved<'a> {
     pub(super) probes: Vec<ProbeTarget>,
     pub(super) region_probes: Vec<RegionProbe>,
     pub(super) periodics: Vec<PeriodicPairs>,
-    pub(super) strikes: Vec<(&'a Strike, NodeSet)>,
+    pub(super) strikes: Vec<ResolvedStrike<'a>>,
     pub(super) springs: Vec<ResolvedSpring<'a>>,
     pub(super) rigids: Vec<ResolvedRigid<'a>>,
     pub(super) joints: Vec<ResolvedJoint<'a>>,
@@ -84,6 +84,14 @@ pub(super) struct ResolvedJoint<'a> {
     pub(super) to: Option<RigidId>,
 }
 
+/// A strike with its nodes.
+pub(super) struct ResolvedStrike<'a> {
+    /// Number of the strike in the scene.
+    pub(super) index: usize,
+    pub(super) strike: &'a Strike,
+    pub(super) on: NodeSet,
+}
+
 /// A load with its body.
 pub(super) struct ResolvedLoad<'a> {
     /// Number of the load in the scene.
@@ -113,7 +121,7 @@ pub(super) fn resolve(scene: &Scene, reading: Reading) -> Result<Resolved<'_>, V
     let fixes = resolver.fixes(&scene.fixes);
     let (probes, region_probes) = resolver.probes(&scene.probes);
     let periodics = resolver.periodics(scene);
-    let strikes = resolver.strikes(&scene.strikes, &fixes);
+    let strikes = resolver.strikes(&scene.strikes);
     let springs = resolver.springs(&scene.springs);
     let (rigids, mut ties) = resolver.attachments(scene);
     ties.extend(resolver.seams(&scene.seams));
@@ -242,18 +250,12 @@ impl<'a, 'b> Resolver<'a, 'b> {
         all
     }
 
-    fn strikes(&mut self, strikes: &'a [Strike], fixes: &[ResolvedFix<'_>]) -> Vec<(&'a Strike, NodeSet)> {
+    fn strikes(&mut self, strikes: &'a [Strike]) -> Vec<ResolvedStrike<'a>> {
         let mut all = Vec::new();
         for (index, strike) in strikes.iter().enumerate() {
             let Some(body) = self.body(&strike.body) else { continue };
             let on = self.selected(body, &strike.on, &format!("strike[{index}]"));
-            // A part of a body does not tell.
-            if body.part.is_none() && is_lost(strike, &on, fixes) {
-                let message =
-                    "acts on nodes that [[fix]] holds against it, so that nothing moves: strike other nodes";
-                self.say(format!("strike[{index}]"), message);
-            }
-            all.push((strike, on));
+            all.push(ResolvedStrike { index, strike, on });
         }
         all
     }
@@ -381,18 +383,4 @@ impl<'a, 'b> Resolver<'a, 'b> {
             }
         }
     }
-}
-
-/// Returns whether each of these nodes is held along every axis along which it is struck.
-fn is_lost(strike: &Strike, on: &NodeSet, fixes: &[ResolvedFix<'_>]) -> bool {
-    let struck = (0..3).filter(|&axis| strike.impulse[axis] != 0.0);
-    let is_held = |axis: usize| {
-        let holds = |fix: &&ResolvedFix<'_>| {
-            fix.on.body == on.body && fix.fix.space_axes().is_some_and(|axes| axes.contains(&axis))
-        };
-        let held: HashSet<u32> = fixes.iter().filter(holds).flat_map(|fix| &fix.on.nodes).copied().collect();
-        on.nodes.iter().all(|node| held.contains(node))
-    };
-    let mut held = struck.map(is_held).peekable();
-    !on.nodes.is_empty() && held.peek().is_some() && held.all(|is_held| is_held)
 }

@@ -280,7 +280,8 @@ pub struct Spring {
     pub length: Option<f64>,
 }
 
-/// `[[strike]]`: an impulse at t = 0, distributed over the nodes of a region in proportion to their mass.
+/// `[[strike]]`: an impulse at t = 0, distributed over the nodes of a region in proportion to their mass. Nodes that are tied,
+/// attached or sewn hand their part on to what they follow, and held nodes take theirs up.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Strike {

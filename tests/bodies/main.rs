@@ -25,6 +25,7 @@ mod sheet_files;
 mod sheets;
 mod stiff_cloth;
 mod stiff_parts;
+mod strikes;
 mod ties;
 mod unheld;
 mod vibrations;
