@@ -18,7 +18,7 @@ pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Number of the format; increased with every change of the record.
-const FORMAT: u64 = 12;
+const FORMAT: u64 = 13;
 
 /// Error that prevents a run from continuing.
 #[derive(Debug, thiserror::Error)]
@@ -104,6 +104,8 @@ pub struct Checkpoint {
     /// Bytes of history.csv at this point.
     pub(crate) history_bytes: u64,
     pub(crate) observers: Snapshots,
+    /// What the energy guard can go back to: an extra checkpoint between two regular ones must not change where that is.
+    pub(crate) good: Option<(Snapshot, Snapshots)>,
     /// Notes made during the run, e.g. on limit points.
     pub(crate) findings: Vec<String>,
     /// Seconds spent so far on set-up, stepping and output.
@@ -124,6 +126,7 @@ record!(Checkpoint {
     simulation: Snapshot,
     history_bytes: u64,
     observers: Snapshots,
+    good: Option<(Snapshot, Snapshots)>,
     findings: Vec<String>,
     seconds: [f64; 3],
 });

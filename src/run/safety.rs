@@ -6,6 +6,7 @@ use super::guard::Growth;
 use super::observer::Purpose;
 use super::state::{Good, Run};
 use crate::scene::GuardAction;
+use crate::simulation::Snapshot;
 
 impl Run {
     /// Keeps the current state, if the guard may go back to one.
@@ -84,6 +85,12 @@ impl Run {
 
     /// Saves a checkpoint of the current state, if the scene has checkpoints.
     pub(super) fn save(&mut self) -> Result<(), RunError> {
+        let now = self.simulation.snapshot();
+        self.save_as(now)
+    }
+
+    /// Saves a checkpoint of the state `now`, if the scene has checkpoints, with what the guard can go back to.
+    pub(super) fn save_as(&mut self, now: Snapshot) -> Result<(), RunError> {
         let Some((_, origin)) = &self.store else { return Ok(()) };
         let mut origin = origin.clone();
         if let Some(auto) = &self.auto {
@@ -94,12 +101,20 @@ impl Run {
             origin.auto = serde_json::json!(auto).to_string();
         }
         self.observers.sync(&self.directory)?;
+        let good = match self.good.take() {
+            Some(Good { simulation, observers }) => {
+                let whole = self.simulation.completed(simulation);
+                Some((whole.map_err(|error| CheckpointError::Unfit(error.to_string()))?, observers))
+            }
+            None => None,
+        };
         let report = &self.report;
         let checkpoint = Checkpoint {
             origin,
-            simulation: self.simulation.snapshot(),
+            simulation: now,
             history_bytes: self.observers.history.bytes(),
             observers: self.observers.snapshots(Purpose::Resume),
+            good,
             findings: self.findings.clone(),
             seconds: [report.setup_seconds, report.stepping_seconds, report.output_seconds],
         };
@@ -122,6 +137,7 @@ impl Run {
         let unfit = |error: vi_solvers::SolverError| CheckpointError::Unfit(error.to_string());
         self.simulation.restore(&was.simulation).map_err(unfit)?;
         self.observers.restore(&was.observers)?;
+        self.good = was.good.clone().map(|(simulation, observers)| Good { simulation, observers });
         self.findings.clone_from(&was.findings);
         let [setup, stepping, output] = was.seconds;
         let report = &mut self.report;

@@ -388,9 +388,11 @@ impl Run {
     /// Writes the state at which a run ends early: a checkpoint, then the row and the frame that were not due.
     fn leave(&mut self) -> Result<(), RunError> {
         let begin = Instant::now();
+        // A run that continues has not seen what is observed here: only the state before that is its own.
+        let now = self.simulation.snapshot();
         let seen = self.simulation.observe();
         if seen.is_finite() {
-            self.save()?;
+            self.save_as(now)?;
             if self.observers.history.last_step() < self.simulation.steps() {
                 self.write_row(seen)?;
             }

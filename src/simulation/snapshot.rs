@@ -12,7 +12,7 @@ use crate::record::{self, Damage, record};
 
 const MAGIC: &[u8; 8] = b"VI-STATE";
 /// Version of the record; increase it with every change of the record.
-const FORMAT: u64 = 7;
+const FORMAT: u64 = 8;
 
 /// Largest number of parts into which [`Simulation::halve`] divides a step.
 const MOST_PARTS: u32 = 1024;
@@ -33,6 +33,8 @@ pub struct Substeps {
 pub struct Snapshot {
     pub(super) steps: u64,
     pub(super) parts: u64,
+    /// Length of the longest part of a step since the state that a run can go back to, in h/2¹⁴.
+    pub(super) longest: u64,
     pub(super) switched: bool,
     pub(super) components: Vec<(State, Option<StepperMemory>)>,
     pub(super) paces: Vec<Pace>,
@@ -48,6 +50,7 @@ record!(Substeps { steps: u64, substeps: u64, finest: u64 });
 record!(Snapshot {
     steps: u64,
     parts: u64,
+    longest: u64,
     switched: bool,
     components: Vec<(State, Option<StepperMemory>)>,
     paces: Vec<Pace>,
@@ -110,6 +113,7 @@ impl Simulation {
         Snapshot {
             steps: self.steps,
             parts: u64::from(self.parts),
+            longest: u64::from(self.longest_since_kept),
             switched: self.switched,
             components,
             paces: self.components.iter().map(|component| component.pace).collect(),
@@ -137,6 +141,8 @@ impl Simulation {
             parts.is_power_of_two() && parts <= MOST_PARTS && snapshot.steps <= self.step_count
         });
         self.parts = parts.ok_or(SolverError::Memory { missing: "number of steps" })?;
+        let longest = u32::try_from(snapshot.longest).ok().filter(|&longest| longest <= FLOOR);
+        self.longest_since_kept = longest.ok_or(SolverError::Memory { missing: "lengths of substeps" })?;
         if snapshot.switched != self.switched {
             let method = if snapshot.switched { Method::EnergyMomentum } else { self.method };
             self.set_steppers(method)?;
@@ -170,14 +176,31 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns to a snapshot; the work of the discarded steps remains counted.
+    /// Returns a snapshot of [`Simulation::keep`] with the states that other processes keep, so that it can be written to a file.
+    ///
+    /// # Errors
+    /// Returns the errors of [`Simulation::restore`].
+    pub(crate) fn completed(&mut self, kept: Snapshot) -> Result<Snapshot, SolverError> {
+        let mut components = self.components.iter().zip(&kept.components);
+        if components.all(|(component, (_, memory))| component.stepper.is_some() == memory.is_some()) {
+            return Ok(kept);
+        }
+        let now = self.snapshot();
+        self.restore(&kept)?;
+        let whole = self.snapshot();
+        self.restore(&now)?;
+        Ok(whole)
+    }
+
+    /// Returns to a snapshot; the work of the discarded steps remains counted, and the longest of their parts known to
+    /// [`Simulation::halve`].
     ///
     /// # Errors
     /// Returns the errors of [`Simulation::restore`].
     pub(crate) fn go_back(&mut self, snapshot: &Snapshot) -> Result<(), SolverError> {
-        let work = self.work();
+        let (work, longest) = (self.work(), self.longest_since_kept);
         self.restore(snapshot)?;
-        self.earlier_work = work;
+        (self.earlier_work, self.longest_since_kept) = (work, longest);
         Ok(())
     }
 

@@ -123,6 +123,34 @@ fn every_scheme_continues_to_the_same_bits() {
     ] {
         continues(driven(scheme), &format!("{scheme:?}"));
     }
+/// A run that ends between the state that its guard would go back to and the growth that it finds goes back to that same state
+/// when it continues, however often it is stopped on the way.
+#[test]
+fn the_guard_goes_back_as_far_after_a_stop() {
+    for action in [GuardAction::Halve, GuardAction::Switch] {
+        let law = Law::Linear(Isotropic { young: 1e6, poisson: 0.3, density: 1000.0 });
+        let scene = Scene::new(Time::new(0.1, 4e-3, SchemeName::StormerVerlet))
+            .body(block(law).velocity([0.1, 0.0, 0.0]))
+            .fix(Fix::region("block", "x-min"))
+            .output(Output { history: 1, ..Output::default() })
+            .checkpoint(Checkpoints::every(10.0))
+            .guard(Guard { action, bound: 0.5 });
+        let whole = tempfile::tempdir().unwrap();
+        run(scene.clone(), "test", whole.path(), &mut ()).unwrap();
+        let report = std::fs::read_to_string(whole.path().join("report.json")).unwrap();
+        let report: Value = serde_json::from_str(&report).unwrap();
+        let found = report["guard"]["events"][0]["step"].as_u64().unwrap();
+        assert!(found > 2, "{found}");
+        let parts = tempfile::tempdir().unwrap();
+        run(scene.clone(), "test", parts.path(), &mut StopAfter(1)).unwrap();
+        for stop in [2, u64::MAX] {
+            let found = newest(parts.path()).unwrap();
+            resume(scene.clone(), &found.checkpoint, parts.path(), &mut StopAfter(stop)).unwrap();
+        }
+        assert_same(whole.path(), parts.path(), &format!("{action:?}"));
+    }
+}
+
 }
 
 #[test]
