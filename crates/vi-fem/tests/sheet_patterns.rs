@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use vi_fem::{
     Bending, CellField, Direction, DirectionComponent, FemError, OrthotropicParameters, Sheet, SheetLaw,
 };
-use vi_mesh::{Mesh, SheetMesh, SheetPattern};
+use vi_mesh::{CellBlock, CellKind, Mesh, SheetMesh, SheetPattern};
 
 fn square(cells: u32) -> Mesh {
     let directions = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -216,4 +216,34 @@ fn directions_of_cells_follow_the_sheet_into_its_pattern() {
     };
     let (one, two) = (energy(&by_cells), energy(&constant));
     assert!((one - two).abs() < 1e-3 * two, "{one} {two}");
+}
+
+/// The moment across a hinge is the same on both of its triangles: its compliance is the mean of those that it has with either
+/// direction on both, weighted by the heights of the triangles. No triangle is the first.
+#[test]
+fn hinges_between_two_directions_bend_in_series() {
+    let points = vec![[0.0, -0.5, 0.0], [0.0, 0.5, 0.0], [1.0, 0.1, 0.0], [-0.5, -0.2, 0.0]];
+    let (sine, cosine) = 0.3_f64.sin_cos();
+    let mut x = points.clone();
+    (x[2][0], x[2][2]) = (cosine * points[2][0], sine * points[2][0]);
+    let (triangles, warp) = ([[0, 2, 1], [0, 1, 3]], [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+    for bending in [Bending::Hinge, Bending::Quadratic] {
+        let law = woven(serde_json::from_str(r#"{ "cell_data": "warp" }"#).unwrap()).with_bending(bending);
+        let energy = |order: [usize; 2], warp: [[f64; 3]; 2]| {
+            let nodes = order.iter().flat_map(|&k| triangles[k]).collect();
+            let blocks = vec![CellBlock { kind: CellKind::Tri3, nodes }];
+            let mesh = Mesh { points: points.clone(), blocks, ..Mesh::default() };
+            let fields = [CellField { name: "warp".into(), values: order.map(|k| warp[k]).to_vec() }];
+            let elements = mesh.cells_of_dimension(2);
+            let sheet = Sheet { fields: &fields, ..Sheet::new(&mesh, &elements, &law, 0, "strip") };
+            state(&sheet, x.as_flattened()).unwrap().0
+        };
+        let [along, across] = warp.map(|warp| energy([0, 1], [warp; 2]));
+        assert!((along / across - 5.0).abs() < 1e-12, "{along} {across}");
+        let mixed = energy([0, 1], warp);
+        let mean = (1.0 / along + 0.5 / across) / 1.5;
+        assert!((mixed * mean - 1.0).abs() < 1e-12, "{mixed} instead of {}", 1.0 / mean);
+        let turned = energy([1, 0], warp);
+        assert!((turned / mixed - 1.0).abs() < 1e-14, "{turned} {mixed}");
+    }
 }

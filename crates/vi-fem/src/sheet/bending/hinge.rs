@@ -1,7 +1,8 @@
 //! Discrete Shells (Grinspun, Hirani, Desbrun & Schröder 2003): V = Σ ½ k (|e|²/A)(θ − θ̄)², where A is the area of
 //! the two triangles. The square is replaced by a function that is smooth around the circle (see `turn`).
 //!
-//! The modulus k = h³/12 Q_mm is the bending modulus across the edge (D = E h³/(12(1 − ν²)) for isotropic sheets).
+//! The modulus k = h³/12 Q_mm is the bending modulus across the edge (D = E h³/(12(1 − ν²)) for isotropic sheets; of two
+//! triangles with different axes see [`across`]).
 //! With it the energy of a cylinder is right on equilateral triangles in every direction, and on right-angled
 //! triangles along their legs. On the right-angled triangles of `diagonal`, in the direction α, the energy is 1 + sin
 //! 2α + sin² 2α times that of the plate, ¾ to 3. On equilateral triangles the model is an isotropic plate with ν =
@@ -42,10 +43,28 @@ pub(super) fn from_hinges<'a>(
     patches(hinges.into_iter().enumerate().map(stencil).collect(), sheet)
 }
 
-/// Returns the bending modulus across the edge, (m ⊗ m):D:(m ⊗ m), N m. Here m is normal to the edge in the plane of
-/// the first triangle.
+/// Returns the bending modulus across the edge of a hinge, N m: k = (h₁ + h₂)/(h₁/k₁ + h₂/k₂), from the moduli k and heights
+/// h of its two triangles, where they differ.
+///
+/// A hinge stands for the bending of the strip along its edge, half of which lies on each triangle. The moment M across the edge is
+/// the same on both, and each bends by the angle M h/(2k) there, so that the angles add: θ = M (h₁/k₁ + h₂/k₂)/2. A strip of two
+/// materials so bends as a beam of them does, where the edge is their border, and no triangle is the first.
 pub(super) fn across(sheet: &BentSheet, hinge: &Hinge) -> f64 {
-    let (triangle, k) = (hinge.first.0 as usize, usize::from(hinge.first.1));
+    let one = modulus(sheet, hinge.first);
+    match hinge.opposite {
+        // Without axes the two differ by round-off.
+        Opposite::Node(_, second) if sheet.directions.is_some() => {
+            let [near, far] = hinge.heights;
+            (near + far) / (near / one + far / modulus(sheet, second))
+        }
+        _ => one,
+    }
+}
+
+/// Returns the bending modulus across an edge of a triangle, (m ⊗ m):D:(m ⊗ m), N m. Here m is normal to the edge in the plane of
+/// the triangle.
+fn modulus(sheet: &BentSheet, side: (u32, u8)) -> f64 {
+    let (triangle, k) = (side.0 as usize, usize::from(side.1));
     let p = sheet.plane(triangle);
     let (a, b) = (p[(k + 1) % 3], p[(k + 2) % 3]);
     let length = (b[0] - a[0]).hypot(b[1] - a[1]);
