@@ -314,7 +314,12 @@ macro_rules! record {
 pub(crate) use record;
 
 record!(State { t: f64, q: Vec<f64>, p: Vec<f64> });
-record!(StepperMemory { method: String, arrays: Vec<(String, Vec<f64>)>, counts: Vec<(String, u64)> });
+record!(StepperMemory {
+    method: String,
+    arrays: Vec<(String, Vec<f64>)>,
+    counts: Vec<(String, u64)>,
+    texts: Vec<(String, String)>,
+});
 record!(StepEnergy {
     prescribed: f64,
     force: f64,

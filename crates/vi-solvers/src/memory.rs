@@ -11,6 +11,8 @@ pub struct StepperMemory {
     pub arrays: Vec<(String, Vec<f64>)>,
     /// Named counts.
     pub counts: Vec<(String, u64)>,
+    /// Named texts. They are reported; no bits depend on them.
+    pub texts: Vec<(String, String)>,
 }
 
 impl StepperMemory {
@@ -30,6 +32,15 @@ impl StepperMemory {
     pub fn count(&self, name: &'static str) -> Result<u64, SolverError> {
         let found = self.counts.iter().find(|(key, _)| key == name);
         found.map(|&(_, value)| value).ok_or(SolverError::Memory { missing: name })
+    }
+
+    /// Returns the text of this name.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Memory`] if there is none.
+    pub fn text(&self, name: &'static str) -> Result<&str, SolverError> {
+        let found = self.texts.iter().find(|(key, _)| key == name);
+        found.map(|(_, value)| value.as_str()).ok_or(SolverError::Memory { missing: name })
     }
 }
 

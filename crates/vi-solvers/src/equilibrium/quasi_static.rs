@@ -8,7 +8,7 @@ use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::load_control::search;
 use crate::equilibrium::options::{CriticalKind, StaticOptions, StaticReport};
 use crate::error::SolverError;
-use crate::linear::choice::CONTINUED;
+use crate::linear::choice::REASON;
 use crate::memory::{StepperMemory, expect_method};
 use crate::options::LinearSolver;
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -131,6 +131,7 @@ impl Stepper for QuasiStatic {
             _ => 0,
         });
         memory.counts.extend(chosen.map(|code| (PCG.to_owned(), code)));
+        memory.texts.extend(self.linear.iter().map(|(_, reason)| (REASON.to_owned(), reason.clone())));
         memory
     }
 
@@ -138,14 +139,15 @@ impl Stepper for QuasiStatic {
         self.work = Work::default();
         expect_method(memory, NAME)?;
         let count = system.coordinates().dof_count();
-        self.linear = memory.count(PCG).ok().map(|code| {
+        self.linear = None;
+        if let Ok(code) = memory.count(PCG) {
             let linear = match code {
                 2 => LinearSolver::Petsc,
                 1 => LinearSolver::Pcg,
                 _ => LinearSolver::Cholesky,
             };
-            (linear, CONTINUED.to_owned())
-        });
+            self.linear = Some((linear, memory.text(REASON)?.to_owned()));
+        }
         let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();
         let stored = memory.array(STORED)?.first().copied().unwrap_or(0.0);
         self.friction = Rubbed { memory: state, stored, ..Rubbed::default() };

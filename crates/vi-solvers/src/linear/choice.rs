@@ -35,9 +35,9 @@ const SINGLE_LIMIT: f64 = 1e-2;
 const SINGLE_TOLERANCE: f64 = 1e-9;
 /// Cost of a factor in single precision relative to one in double precision.
 const SINGLE_COST: f64 = 0.55;
-/// The reason reported in a run that continues another.
-pub(crate) const CONTINUED: &str = "as in the run that this one continues";
 const NAMES: [&str; 4] = ["linear.pcg", "linear.single", "linear.iterations", "linear.solves"];
+/// Name of the reason in a memory.
+pub(crate) const REASON: &str = "linear.reason";
 /// Largest number of iterations of a solve that Newton's method corrects.
 const LONGEST: u32 = 400;
 const LONGEST_EXACT: u32 = 20_000;
@@ -119,19 +119,28 @@ impl ChosenSolver {
         !matches!(self.path, Path::Undecided)
     }
 
+    /// Returns whether the solver is chosen, if only by the run that this one continues.
+    pub(crate) fn is_chosen(&self) -> bool {
+        self.is_ready() || self.continued.is_some()
+    }
+
     /// Tightens the tolerance while solutions are differenced.
     pub(crate) fn tighten(&mut self, tight: bool) {
         self.is_tight = tight;
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
-        let gradients = u64::from(matches!(self.path, Path::Gradients(_) | Path::Shared(_)));
-        let single = u64::from(matches!(self.path, Path::Single(_)));
+        let made = || {
+            let gradients = matches!(self.path, Path::Gradients(_) | Path::Shared(_));
+            [gradients, matches!(self.path, Path::Single(_))]
+        };
+        let [gradients, single] = self.continued.unwrap_or_else(made).map(u64::from);
         for (name, value) in
             NAMES.into_iter().zip([gradients, single, self.iterations[0], self.iterations[1]])
         {
             memory.counts.push((name.to_owned(), value));
         }
+        memory.texts.push((REASON.to_owned(), self.reason.clone()));
         self.rivalry.save(memory);
     }
 
@@ -154,6 +163,7 @@ impl ChosenSolver {
         self.path = Path::Undecided;
         self.continued = Some([gradients? == 1, single? == 1]);
         self.iterations = [total?, solves?];
+        memory.text(REASON)?.clone_into(&mut self.reason);
         self.rivalry = Rivalry::restore(memory)?;
         Ok(())
     }
@@ -334,8 +344,9 @@ impl ChosenSolver {
             self.rivalry.is_due();
             self.costs.factor = cost::preparation(&self.pcg);
         } else {
-            let why = if self.continued.take().is_some() { CONTINUED } else { "asked for" };
-            self.enter_gradients(system, why);
+            let earlier = self.continued.take().map(|_| std::mem::take(&mut self.reason));
+            self.enter_gradients(system, "asked for");
+            self.reason = earlier.unwrap_or_else(|| std::mem::take(&mut self.reason));
             self.path = Path::Shared(Arc::clone(shared));
             self.analyses += 1;
         }

@@ -286,7 +286,7 @@ impl Inverse {
                 memory.arrays.push(("factor.end".into(), end.clone()));
             }
         }
-        if self.linear.is_ready() {
+        if self.linear.is_chosen() {
             self.linear.save(memory);
         }
     }

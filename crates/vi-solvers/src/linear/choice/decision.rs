@@ -3,7 +3,7 @@
 
 use vi_core::System;
 
-use super::{CONTINUED, ChosenSolver, FORCING, Path, SINGLE_COST};
+use super::{ChosenSolver, FORCING, Path, SINGLE_COST};
 use crate::error::SolverError;
 use crate::linear::cost::{self, UnitCosts};
 use crate::linear::factor::{Factor, FactorFacts};
@@ -26,14 +26,17 @@ impl ChosenSolver {
         work: &mut Work,
     ) -> Result<(), SolverError> {
         let k = model.k;
-        match self.continued {
-            Some([true, _]) => {
+        if let Some([gradients, _]) = self.continued {
+            // The reason is that of the run that this one continues.
+            let reason = std::mem::take(&mut self.reason);
+            if gradients {
                 self.continued = None;
-                self.take_gradients(system, k, CONTINUED.to_owned());
-                return Ok(());
+                self.take_gradients(system, k, String::new());
+            } else {
+                self.take_factor(system, k, "")?;
             }
-            Some([false, _]) => return self.take_factor(system, k, CONTINUED),
-            None => {}
+            self.reason = reason;
+            return Ok(());
         }
         match self.choice {
             LinearSolver::Pcg => {

@@ -366,14 +366,20 @@ impl Collisions {
         let arrays = own.arrays.into_iter().map(|(name, values)| (format!("{PREFIX}{name}"), values));
         memory.arrays.extend(arrays);
         memory.counts.extend(own.counts.into_iter().map(|(name, count)| (format!("{PREFIX}{name}"), count)));
+        memory.texts.extend(own.texts.into_iter().map(|(name, text)| (format!("{PREFIX}{name}"), text)));
     }
 
     pub(super) fn restore(&mut self, memory: &StepperMemory) -> Result<(), SolverError> {
         let own = |name: &str| name.strip_prefix(PREFIX).map(str::to_owned);
         let arrays = memory.arrays.iter().filter_map(|(name, values)| Some((own(name)?, values.clone())));
         let counts = memory.counts.iter().filter_map(|(name, count)| Some((own(name)?, *count)));
-        let mut memory =
-            StepperMemory { method: String::new(), arrays: arrays.collect(), counts: counts.collect() };
+        let texts = memory.texts.iter().filter_map(|(name, text)| Some((own(name)?, text.clone())));
+        let mut memory = StepperMemory {
+            method: String::new(),
+            arrays: arrays.collect(),
+            counts: counts.collect(),
+            texts: texts.collect(),
+        };
         match &mut self.way {
             Way::Touching(touching) => {
                 touching.restore(&memory);
