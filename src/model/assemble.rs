@@ -2,6 +2,7 @@
 //! the components that it acts on.
 
 use std::collections::HashSet;
+use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{State, System};
@@ -24,6 +25,7 @@ use super::resolve::{
     ResolvedSpring, ResolvedStrike,
 };
 use super::rigid::{self, Attached, RigidModel};
+use super::strikes::StruckNodes;
 use super::ties::TieSet;
 use super::{directions, loads, sheets};
 use crate::scene::{BodyId, Damping, MassKind, Problem, Scene};
@@ -135,6 +137,8 @@ struct Parts {
     bodies: Vec<BodyModel>,
     /// The mesh and initial fields of each body, in the numbering of its component; empty if no section needs them.
     meshes: Vec<Imported>,
+    /// The terms of the kinetic energy of its component that belong to each body; none if the mass is lumped.
+    kinetic: Vec<Range<usize>>,
     notes: Vec<String>,
     problems: Vec<Problem>,
     /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
@@ -150,6 +154,7 @@ impl Parts {
             components: (0..partition.count()).map(empty).collect(),
             bodies: Vec::new(),
             meshes: Vec::new(),
+            kinetic: Vec::new(),
             notes: Vec::new(),
             problems: Vec::new(),
             stitches: Vec::new(),
@@ -181,7 +186,7 @@ impl Parts {
             let (id, name, dimension) = (body.id, body.scene.name.clone(), body.scene.dimension());
             let component = partition.of_body(id);
             let part = &mut self.components[component];
-            let node_offset = part.node_count();
+            let (node_offset, first_kinetic) = (part.node_count(), part.kinetic.len());
             let of_part = body.part.as_mut().map(|part| std::mem::take(&mut part.numbering));
             let numbering = Arc::new(of_part.unwrap_or_else(|| Numbering::by_place(&body.read.mesh)));
             let (read, mesh) = body.read.renumbered(&numbering);
@@ -190,6 +195,7 @@ impl Parts {
             if let Err(message) = matter::add_body(part, &body, &edges(id, &numbering, fixes), &numbering) {
                 self.problems.push(Problem::new(format!("body[{}]", id.index()), message));
             }
+            self.kinetic.push(first_kinetic..part.kinetic.len());
             if let Some(wind) = &scene.wind
                 && dimension == 2
             {
@@ -340,10 +346,10 @@ impl Parts {
     }
 
     fn add_damping(&mut self, damping: &Damping) {
-        for (body, read) in self.bodies.iter().zip(&self.meshes) {
+        for ((body, read), kinetic) in self.bodies.iter().zip(&self.meshes).zip(&self.kinetic) {
             let component = &mut self.components[body.component];
             let masses = &component.mass[body.node_offset..][..read.mesh.points.len()];
-            match loads::damping(damping, (body, &read.mesh), masses) {
+            match loads::damping(damping, (body, &read.mesh), masses, &component.kinetic[kinetic.clone()]) {
                 Ok(forces) => component.forces.extend(forces),
                 Err(message) => self.problems.push(Problem::new("damping", message)),
             }

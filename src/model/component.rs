@@ -30,7 +30,7 @@ pub(super) struct ComponentBuilder {
     pub(super) x: Vec<f64>,
     pub(super) v: Vec<f64>,
     /// The kinetic energy as a function of the velocities, if the mass is consistent.
-    pub(super) kinetic: Vec<Box<dyn Potential>>,
+    pub(super) kinetic: Vec<Arc<dyn Potential>>,
     pub(super) potentials: Vec<Box<dyn Potential>>,
     pub(super) forces: Vec<Arc<dyn Force>>,
     /// Exact ties.
@@ -116,7 +116,7 @@ impl ComponentBuilder {
         mut self,
         scene: &Scene,
         fixes: &[NodalFix],
-    ) -> Result<(System, State), Problem> {
+    ) -> Result<(System, State, Vec<String>), Problem> {
         let followers = self.tie_periodic()?;
         // Large arrays are dropped one by one: this is where a component needs most memory. Only a filter still needs nodes
         // at rest.

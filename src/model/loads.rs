@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use vi_core::{Force, Potential};
 use vi_fem::{
-    DeadLoad, FemError, MassDamping, Pressure, Resultant, Sheet, Viscosity, kelvin_voigt, pressure,
+    ConsistentMassDamping, DeadLoad, FemError, MassDamping, Pressure, Resultant, Sheet, Viscosity,
+    kelvin_voigt, pressure,
 };
 use vi_mesh::{Mesh, MeshError, Surface};
 
@@ -147,6 +148,7 @@ pub(super) fn damping(
     damping: &Damping,
     (body, mesh): (&BodyModel, &Mesh),
     masses: &[f64],
+    kinetic: &[Arc<dyn Potential>],
 ) -> Result<Vec<Arc<dyn Force>>, String> {
     let text = |error: vi_fem::FemError| error.to_string();
     let mut forces: Vec<Arc<dyn Force>> = Vec::new();
@@ -162,9 +164,15 @@ pub(super) fn damping(
         }
     }
     if damping.mass_rate != 0.0 {
-        let name = format!("{}: mass damping", body.name);
-        let force = MassDamping::new(masses, damping.mass_rate, body.node_offset, &name).map_err(text)?;
-        forces.push(Arc::new(force));
+        let (name, rate) = (format!("{}: mass damping", body.name), damping.mass_rate);
+        if kinetic.is_empty() {
+            let force = MassDamping::new(masses, rate, body.node_offset, &name).map_err(text)?;
+            forces.push(Arc::new(force));
+        }
+        for term in kinetic {
+            let force = ConsistentMassDamping::new(Arc::clone(term), rate, &name).map_err(text)?;
+            forces.push(Arc::new(force));
+        }
     }
     Ok(forces)
 }

@@ -116,7 +116,8 @@ fn solid(
     let (mesh, elements, density) = (&body.read.mesh, &part.elements, law.density());
     let node_offset = component.node_count();
     if component.is_consistent {
-        component.kinetic.extend(consistent_mass(mesh, elements, density, node_offset, &body.scene.name)?);
+        let terms = consistent_mass(mesh, elements, density, node_offset, &body.scene.name)?;
+        component.kinetic.extend(terms.into_iter().map(Arc::from));
     }
     if component.sums_rows {
         add_row_sums(mesh, elements, density, &mut mass.row_sums)?;
@@ -160,7 +161,7 @@ fn sheet(
         ..Sheet::new(&read.mesh, elements, law, component.node_count(), place)
     };
     if component.is_consistent {
-        component.kinetic.push(sheet.consistent_mass()?);
+        component.kinetic.push(Arc::from(sheet.consistent_mass()?));
     }
     sheet.add_lumped_mass(mass)?;
     sheet.potentials()

@@ -273,3 +273,39 @@ fn what_needs_lumped_mass_says_so() {
         assert!(said.contains(word) && said.contains("lumped"), "{said}");
     }
 }
+
+/// Rayleigh's drag −α M v slows a body in uniform motion as a whole: v falls by (1 − αh/2)/(1 + αh/2) in a step of the midpoint rule,
+/// and the body is not strained.
+#[test]
+fn drag_does_not_strain_a_body_in_uniform_motion() {
+    for (element, order) in [("hex8", 1), ("hex8", 2), ("tet4", 2)] {
+        let mut simulation = simulation(&format!(
+            r#"
+            [time]
+            end = 0.02
+            step = 0.002
+            scheme = "implicit-midpoint"
+            [solver]
+            tolerance = 1e-14
+            mass = "consistent"
+            [damping]
+            mass_rate = 4.0
+            [[body]]
+            name = "b"
+            box = {{ size = [1.0, 0.2, 0.2], cells = [2, 1, 1], element = "{element}" }}
+            order = {order}
+            material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+            velocity = [1.0, 0.0, 0.0]
+            "#
+        ));
+        let before = simulation.observe();
+        for _ in 0..10 {
+            simulation.advance(1).unwrap();
+        }
+        let after = simulation.observe();
+        let factor = ((1.0 - 0.004) / (1.0 + 0.004_f64)).powi(10);
+        let slowed = after.momentum[0] / before.momentum[0];
+        assert!((slowed / factor - 1.0).abs() < 1e-12, "{element} {order}: {slowed} instead of {factor}");
+        assert!(after.elastic < 1e-18 * before.kinetic, "{element} {order}: {} J", after.elastic);
+    }
+}

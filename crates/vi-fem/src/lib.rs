@@ -14,7 +14,7 @@ mod solid;
 pub use error::FemError;
 pub use lanes::instructions::InstructionSet;
 pub use lanes::real::Real;
-pub use load::damping::{MassDamping, Viscosity, kelvin_voigt};
+pub use load::damping::{ConsistentMassDamping, MassDamping, Viscosity, kelvin_voigt};
 pub use load::dead::DeadLoad;
 pub use load::gravity::Gravity;
 pub use load::pressure::{Pressure, pressure};

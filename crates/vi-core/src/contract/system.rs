@@ -148,7 +148,7 @@ impl System {
     /// # Errors
     /// Returns [`CoreError::ConsistentMass`] if coordinates are moved, there are constraints, or a term is not
     /// quadratic; [`CoreError::Stencil`] if a stencil refers to a missing node.
-    pub fn with_consistent_mass(mut self, terms: Vec<Box<dyn Potential>>) -> Result<Self, CoreError> {
+    pub fn with_consistent_mass(mut self, terms: Vec<Arc<dyn Potential>>) -> Result<Self, CoreError> {
         if terms.is_empty() {
             return Ok(self);
         }
@@ -165,7 +165,6 @@ impl System {
         if !terms.iter().all(|term| is_quadratic(term.as_ref())) {
             return Err(CoreError::ConsistentMass { reason: "a term of it is not quadratic" });
         }
-        let terms = terms.into_iter().map(Arc::from).collect();
         self.kinetic = Some(Terms::new(Arc::new(self.coordinates().held()), terms)?);
         Ok(self)
     }

@@ -8,7 +8,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Force, ForceAccount, Stencils, packed_len};
+use vi_core::{Force, ForceAccount, Potential, Stencils, packed_len};
 
 use crate::error::FemError;
 use crate::small::tensor::{cofactor, determinant, dot};
@@ -256,6 +256,15 @@ impl Force for KelvinVoigt {
     }
 }
 
+/// Checks a rate α of mass-proportional damping, 1/s.
+fn check_rate(rate: f64) -> Result<(), FemError> {
+    if rate >= 0.0 && rate.is_finite() {
+        return Ok(());
+    }
+    let requirement = "mass-proportional damping must not be negative (1/s)";
+    Err(FemError::Parameter { key: "mass_rate", value: rate, requirement })
+}
+
 /// f_a = −α m_a v_a: the mass-proportional part of Rayleigh damping, a drag relative to the inertial frame. Unlike
 /// Kelvin–Voigt damping it also slows rigid motion.
 pub struct MassDamping {
@@ -272,10 +281,7 @@ impl MassDamping {
     /// # Errors
     /// Returns [`FemError::Parameter`] for a rate that is negative or not finite.
     pub fn new(masses: &[f64], rate: f64, node_offset: usize, name: &str) -> Result<Self, FemError> {
-        if !(rate >= 0.0 && rate.is_finite()) {
-            let requirement = "mass-proportional damping must not be negative (1/s)";
-            return Err(FemError::Parameter { key: "mass_rate", value: rate, requirement });
-        }
+        check_rate(rate)?;
         Ok(Self {
             name: name.into(),
             nodes: (0..masses.len()).map(|node| (node + node_offset) as u32).collect(),
@@ -318,6 +324,60 @@ impl Force for MassDamping {
             let c = self.coefficients[stencil];
             out.copy_from_slice(&[c, 0.0, c, 0.0, 0.0, c]);
         }
+    }
+}
+
+/// f = −α M v with a consistent mass M: the drag of [`MassDamping`] for a system with this kinetic energy. With lumped masses it
+/// would strain a body of quadratic elements in uniform motion.
+pub struct ConsistentMassDamping {
+    name: String,
+    /// The kinetic energy ½ v·M v, a potential of the velocities.
+    kinetic: Arc<dyn Potential>,
+    rate: f64,
+}
+
+impl ConsistentMassDamping {
+    /// Returns the damping at rate α (1/s, not negative) of the mass of a kinetic energy.
+    ///
+    /// # Errors
+    /// Returns [`FemError::Parameter`] for a rate that is negative or not finite.
+    pub fn new(kinetic: Arc<dyn Potential>, rate: f64, name: &str) -> Result<Self, FemError> {
+        check_rate(rate)?;
+        Ok(Self { name: name.into(), kinetic, rate })
+    }
+}
+
+impl Force for ConsistentMassDamping {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn account(&self) -> ForceAccount {
+        ForceAccount::Damping
+    }
+
+    fn stencils(&self) -> Stencils<'_> {
+        self.kinetic.stencils()
+    }
+
+    fn depends_on_velocity(&self) -> bool {
+        true
+    }
+
+    fn forces(&self, range: Range<usize>, _x: &[f64], v: &[f64], _t: f64, out: &mut [f64]) {
+        let size = range.len() * self.stencils().size();
+        self.kinetic.gradients(range, v, 0.0, out);
+        out[..size].iter_mut().for_each(|out| *out *= -self.rate);
+    }
+
+    fn stiffness(&self, range: Range<usize>, _x: &[f64], _v: &[f64], _t: f64, out: &mut [f64]) {
+        out[..range.len() * packed_len(self.stencils().size())].fill(0.0);
+    }
+
+    fn damping(&self, range: Range<usize>, _x: &[f64], v: &[f64], _t: f64, out: &mut [f64]) {
+        let size = range.len() * packed_len(self.stencils().size());
+        self.kinetic.hessians(range, v, 0.0, out);
+        out[..size].iter_mut().for_each(|out| *out *= self.rate);
     }
 }
 

@@ -1,6 +1,8 @@
 //! Tests the laws of implicit schemes with consistent mass: oracle, orders, energy, momenta, time symmetry, ledger,
 //! memory, and refused systems.
 
+use std::sync::Arc;
+
 use crate::bodies::{assert_close, assert_momenta, distance, run, stepper_of, to_round_off};
 use vi_core::problems::{Jet, SpringChain, Term};
 use vi_core::{
@@ -10,7 +12,7 @@ use vi_core::{
 use vi_solvers::{Method, SolverError, SolverOptions, modes};
 
 /// Returns ½ m/6 (2 v_a² + 2 v_b² + 2 v_a·v_b) of neighbours: bars of mass m = 3.
-fn bars(nodes: usize) -> Vec<Box<dyn Potential>> {
+fn bars(nodes: usize) -> Vec<Arc<dyn Potential>> {
     let jet = |_: usize, v: &[f64; 6]| {
         let mut jet = Jet { energy: 0.0, gradient: [0.0; 6], hessian: [[0.0; 6]; 6] };
         for i in 0..6 {
@@ -23,7 +25,7 @@ fn bars(nodes: usize) -> Vec<Box<dyn Potential>> {
         jet
     };
     let nodes = (1..nodes as u32).flat_map(|b| [b - 1, b]).collect();
-    vec![Box::new(Term { name: "bars", block: 3, nodes, hessian: HessianKind::Constant, jet })]
+    vec![Arc::new(Term { name: "bars", block: 3, nodes, hessian: HessianKind::Constant, jet })]
 }
 
 /// Returns a free chain, or one whose first node is held and whose last moves only along x and z.
@@ -219,6 +221,6 @@ fn explicit_schemes_and_moving_supports_are_refused() {
         jet: |_, _: &[f64; 6]| Jet { energy: 0.0, gradient: [0.0; 6], hessian: [[0.0; 6]; 6] },
     };
     let free = System::new(vec![1.0; 12], Vec::new(), Coordinates::all_free(12)).unwrap();
-    assert!(free.with_consistent_mass(vec![Box::new(not_quadratic)]).is_err());
+    assert!(free.with_consistent_mass(vec![Arc::new(not_quadratic)]).is_err());
     assert!(springs.system().unwrap().with_consistent_mass(Vec::new()).unwrap().kinetic().is_none());
 }
