@@ -71,6 +71,14 @@ impl RigidModel {
         Pose { position: position.into(), orientation }
     }
 
+    /// Returns the place of c (m), the sum of the forces at its nodes c, d₁, d₂, d₃ (N), and their moment about c (N m), at positions
+    /// `x` of the component's nodes: a force f on d_k does the work f · (θ × d_k) = θ · (d_k × f) in a turn θ.
+    pub(crate) fn wrench(&self, x: &[f64], forces: &[f64]) -> [[f64; 3]; 3] {
+        let of_director = |k: usize| Self::point(x, self.node + k).cross(&Self::point(forces, self.node + k));
+        let moment: Vector3<f64> = (1..4).map(of_director).sum();
+        [Self::point(x, self.node).into(), Self::point(forces, self.node).into(), moment.into()]
+    }
+
     /// Returns the global direction of a vector given in its local axes, at positions `x` of the component's nodes.
     pub(super) fn directions_at_start(&self, x: &[f64], direction: [f64; 3]) -> [f64; 3] {
         (self.directors(x) * (self.axes * Vector3::from(direction))).into()

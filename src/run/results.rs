@@ -19,7 +19,7 @@ pub struct Results {
     pub largest_displacement: Option<Peak>,
     /// Largest von Mises stress of all elements of solids, Pa.
     pub largest_von_mises: Option<Peak>,
-    /// Reaction (N) of each `[[fix]]`.
+    /// Reaction (N) of each `[[fix]]`, then of each rigid body that is fixed or moved and has no joint.
     pub reactions: Vec<Reaction>,
     /// Extremes of the probe columns over all rows of history.csv; for node probes, of their displacements.
     pub probes: Vec<ColumnRange>,
@@ -43,7 +43,8 @@ pub struct Peak {
 }
 
 /// Reaction (N) of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe counts for
-/// the first of them, so that the sum over all fixes is the total reaction.
+/// the first of them, so that the sum over all fixes is the total reaction. Also that of a rigid body that is fixed or moved: what
+/// is attached to it and what it touches pull on its support.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reaction {
     /// The body.
@@ -51,9 +52,9 @@ pub struct Reaction {
     /// The region, if the fix names one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Number of its nodes.
+    /// Number of its nodes; 0 for a rigid body.
     pub nodes: usize,
-    /// Mean of the current positions of its nodes, m.
+    /// Mean of the current positions of its nodes, or the centre of the rigid body, m.
     pub centroid: [f64; 3],
     /// Σ r, N: the force of the support on the body.
     pub force: [f64; 3],
@@ -83,7 +84,7 @@ impl Results {
             time: simulation.time(),
             largest_displacement: largest_displacement(simulation),
             largest_von_mises: largest_von_mises(simulation),
-            reactions: reactions(simulation),
+            reactions: reactions(simulation).into_iter().chain(rigid_reactions(simulation)).collect(),
             probes,
         }
     }
@@ -188,6 +189,21 @@ fn reactions(simulation: &Simulation) -> Vec<Reaction> {
         });
     }
     all
+}
+
+/// Returns the reactions of rigid bodies that are fixed or moved. The forces of joints are not known here, so that those of bodies with a
+/// joint would not be whole.
+fn rigid_reactions(simulation: &Simulation) -> Vec<Reaction> {
+    let scene = simulation.scene();
+    let has_joint =
+        |name: &str| scene.joints.iter().any(|joint| joint.body() == name || joint.to() == Some(name));
+    let held = scene.rigids.iter().enumerate();
+    let held = held.filter(|(_, rigid)| rigid.is_prescribed() && !has_joint(&rigid.name));
+    held.map(|(number, rigid)| {
+        let [centroid, force, moment] = simulation.rigid_reaction(number);
+        Reaction { body: rigid.name.clone(), region: None, nodes: 0, centroid, force, moment }
+    })
+    .collect()
 }
 
 fn mean(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {

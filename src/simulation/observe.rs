@@ -254,6 +254,14 @@ impl Simulation {
         self.of_nodes(body, |component| vi_solvers::reactions(&component.system, &component.state))
     }
 
+    /// Returns the centre (m) of rigid body number `rigid`, which is fixed or moved, and the force (N) and the moment about its centre
+    /// (N m) with which its support holds what is attached to it and what it touches. Forces of joints are not included.
+    pub fn rigid_reaction(&self, rigid: usize) -> [[f64; 3]; 3] {
+        let (rigid, Component { system, state, .. }) = self.rigid(rigid);
+        let held = vi_solvers::reactions(system, state);
+        rigid.wrench(&system.positions(state), &held)
+    }
+
     /// Returns the couples that act at edges of body number `body` whose normals are held. Nodes are numbered in the
     /// component.
     pub(crate) fn edge_couples(&self, body: usize) -> Vec<vi_solvers::EdgeCouple> {

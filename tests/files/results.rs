@@ -275,3 +275,49 @@ fn a_body_at_rest_does_not_drift() {
         assert_eq!(program.report()["energy"]["relative_drift"], 0.0, "{scheme}");
     }
 }
+
+/// The support of a fixed rigid body takes the load, the weight and their moment of what is attached to it.
+#[test]
+fn a_fixed_rigid_body_bears_what_is_attached_to_it() {
+    let program = Program::run(
+        r#"
+        gravity = [1.0, -2.0, 3.0]
+        [time]
+        end = 1.0
+        step = 1.0
+        [static]
+        tolerance = 1e-13
+        [[body]]
+        name = "b"
+        box = { size = [0.5, 0.2, 0.2], cells = [2, 2, 2], element = "hex8", origin = [0.5, 0, 0] }
+        material = { law = "neo-hookean", young = 1e9, poisson = 0.3, density = 1000.0 }
+        [[rigid]]
+        name = "a"
+        shape = { kind = "box", size = [0.5, 0.2, 0.2] }
+        position = [0.25, 0.1, 0.1]
+        fixed = true
+        [[attach]]
+        body = "b"
+        region = "x-min"
+        to = "a"
+        [[load]]
+        kind = "traction"
+        body = "b"
+        region = "x-max"
+        traction = [100.0, 50.0, -30.0]
+        "#,
+    );
+    let report = program.report();
+    let reactions = report["results"]["reactions"].as_array().unwrap();
+    assert_eq!((reactions.len(), &reactions[0]["body"]), (1, &Value::from("a")));
+    let (force, moment) = resultant(reactions);
+    let (weight, load) = ([20.0, -40.0, 60.0], [4.0, 2.0, -1.2]);
+    let arms = [[0.75, 0.1, 0.1], [1.0, 0.1, 0.1]];
+    for k in 0..3 {
+        assert!((force[k] + weight[k] + load[k]).abs() < 1e-7, "{force:?}");
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let of = |arm: [f64; 3], f: [f64; 3]| arm[i] * f[j] - arm[j] * f[i];
+        // Up to the displacement of the loads, some 1e-6 m.
+        assert!((moment[k] + of(arms[0], weight) + of(arms[1], load)).abs() < 1e-3, "{moment:?}");
+    }
+}
