@@ -340,9 +340,11 @@ impl Method {
         }
     }
 
-    /// Returns the names of the schemes that accept something, without the schemes for comparison.
+    /// Returns the names of the schemes that accept something, without explicit ones that conserve nothing.
     fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
-        let is_proposed = |facts: &MethodFacts| facts.conserves.angular_momentum && accepts(&facts.accepts);
+        let is_proposed = |facts: &MethodFacts| {
+            (facts.conserves.angular_momentum || !facts.is_explicit) && accepts(&facts.accepts)
+        };
         let names = Self::ALL.iter().map(Self::facts).filter(is_proposed).map(|facts| facts.name);
         names.collect::<Vec<_>>().join(", ").into()
     }
@@ -409,6 +411,16 @@ mod tests {
             assert_eq!(facts.is_explicit, scheme.is_explicit(), "{}", facts.name);
             assert_eq!(facts.is_symmetric, scheme.is_symmetric(), "{}", facts.name);
             assert!(facts.is_variational(), "{}", facts.name);
+        }
+    }
+
+    /// A refusal of constraints names every implicit scheme that takes them.
+    #[test]
+    fn a_refusal_names_all_implicit_schemes_that_accept() {
+        let named = Method::accepting(|accepts| accepts.constraints);
+        let named: Vec<&str> = named.split(", ").collect();
+        for facts in Method::ALL.iter().map(Method::facts).filter(|facts| !facts.is_explicit) {
+            assert_eq!(named.contains(&facts.name), facts.accepts.constraints, "{}: {named:?}", facts.name);
         }
     }
 
