@@ -32,6 +32,7 @@ mod select;
 mod shape;
 mod sheets;
 mod size;
+mod spacing;
 mod strikes;
 mod ties;
 

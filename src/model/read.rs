@@ -10,6 +10,7 @@ use super::body::MaterialPart;
 use super::import::{self, Imported};
 use super::parted::{self, kind_in_parts, runs};
 use super::size::Budget;
+use super::spacing;
 use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, RefineAlong, Scene};
 
 /// What a process reads of the bodies.
@@ -157,6 +158,7 @@ fn try_read<'a>(id: BodyId, body: &'a Body, budget: &mut Budget) -> Result<ReadB
     let coarse = mesh(id, body, budget)?;
     let mut read = refined(body, coarse).map_err(|message| wrong("refine", message))?;
     read.notes.extend(locking_note(body, &read.mesh).map_err(|message| wrong("locking", message))?);
+    read.notes.extend(spacing::note(&body.name, &read.mesh));
     let materials = materials(body, &read.mesh).map_err(|message| wrong("material", message))?;
     Ok(ReadBody { id, scene: body, read, materials, part: None, far: None })
 }

@@ -222,3 +222,19 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
         }
     }
 }
+
+/// A body so far from the origin that numbers there are too coarse for its elements is told; elsewhere nothing is.
+#[test]
+fn coordinates_too_coarse_for_the_elements_are_told() {
+    for (place, is_told) in [(0.0, false), (1e6, false), (1e9, true), (1e12, true)] {
+        let text = format!(
+            "[time]\nend = 0.01\nstep = 1e-3\nscheme = \"stormer-verlet\"\n[[body]]\nname = \"b\"\n\
+             box = {{ size = [1.0, 0.2, 0.2], cells = [10, 2, 2], element = \"tet4\", origin = [{place}, 0, 0] }}\n\
+             material = {{ law = \"neo-hookean\", young = 1e5, poisson = 0.3, density = 1000.0 }}\n"
+        );
+        let scene = variational::scene::Scene::parse(&text, &[]).scene.unwrap();
+        let simulation = Simulation::new(scene).unwrap();
+        let told = simulation.notes().iter().any(|note| note.contains("coordinates are"));
+        assert_eq!(told, is_told, "{place}: {:?}", simulation.notes());
+    }
+}
