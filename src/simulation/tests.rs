@@ -46,6 +46,44 @@ fn gauss_runs_back_to_its_start() {
     }
 }
 
+/// The steps of a block that spins and vibrates do not depend on how fast it flies, and neither does its shape after them.
+#[test]
+fn adaptive_steps_do_not_depend_on_the_observer() {
+    let run = |velocity: [f64; 3], gravity: [f64; 3]| {
+        let shape =
+            BoxMesh { size: [1.0, 0.2, 0.2], cells: [3, 1, 1], element: CellKind::Hex8, origin: [0.0; 3] };
+        let law = Law::StVenantKirchhoff(Isotropic { young: 1e5, poisson: 0.3, density: 1000.0 });
+        let mut time = Time::adaptive(0.5, 1e-4, SchemeName::ImplicitMidpoint);
+        time.largest_step = Some(0.05);
+        let mut body = Body::from_box("block", shape, law).angular_velocity([1.0, 0.5, 2.0]);
+        body.displacement = Some([
+            FieldComponent::Formula("0.2*x*(x - 1)".to_owned()),
+            FieldComponent::Number(0.0),
+            FieldComponent::Number(0.0),
+        ]);
+        let scene = Scene::new(time)
+            .solver(Solver { tolerance: 1e-13, ..Solver::default() })
+            .gravity(gravity)
+            .body(body.velocity(velocity));
+        let mut simulation = Simulation::new(scene).unwrap();
+        while !simulation.is_done() {
+            simulation.step().unwrap();
+        }
+        let q = &simulation.components[0].state.q;
+        let count = (q.len() / 3) as f64;
+        let mean: [f64; 3] = std::array::from_fn(|k| q.iter().skip(k).step_by(3).sum::<f64>() / count);
+        let shape: Vec<f64> = q.iter().enumerate().map(|(k, q)| q - mean[k % 3]).collect();
+        (simulation.adaptive_counts().unwrap().steps, shape)
+    };
+    let (steps, shape) = run([0.0; 3], [0.0; 3]);
+    assert!(steps > 30, "{steps}");
+    for (velocity, gravity) in [([0.0, 100.0, 20.0], [0.0; 3]), ([0.0; 3], [0.0, 0.0, -50.0])] {
+        let (flying, other) = run(velocity, gravity);
+        let off = shape.iter().zip(&other).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+        assert!(flying == steps && off < 1e-8, "{velocity:?}, {gravity:?}: {steps} {flying}, {off:e} m");
+    }
+}
+
 /// Returns a block of one cell that is thrown, spins and vibrates so much that its highest frequency doubles.
 fn stretched(scheme: SchemeName, end: f64, interval: f64, tolerance: f64) -> Simulation {
     let shape =

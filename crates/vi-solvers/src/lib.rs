@@ -48,6 +48,7 @@ pub use schemes::constraint::manifold::make_tangent;
 pub use schemes::filter::mass_filter;
 pub use schemes::lanczos::HighestFrequency;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
-pub use schemes::stability::{Frequencies, highest_frequency};
+pub use schemes::motion::Frequencies;
+pub use schemes::stability::highest_frequency;
 pub use schemes::stepper::{StepError, StepReport, Stepper};
 pub use work::Work;

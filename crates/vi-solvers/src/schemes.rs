@@ -11,6 +11,7 @@ pub(crate) mod kick_drift;
 pub(crate) mod lanczos;
 mod live_impulses;
 pub(crate) mod method;
+pub(crate) mod motion;
 mod one_stage;
 mod resolution;
 pub(crate) mod stability;

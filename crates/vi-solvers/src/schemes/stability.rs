@@ -5,7 +5,6 @@
 //! The result transforms as a frequency does. Translations of the body change it only by the round-off of its
 //! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
-use nalgebra::{Matrix3, Vector3};
 use vi_core::{LanczosStart, State, System, binary_exponent};
 
 use crate::assemble::evaluator::Evaluator;
@@ -15,8 +14,6 @@ use crate::vectors;
 
 /// Relative error of λ_max below which the estimate is accurate enough.
 const ACCURACY: f64 = 0.01;
-/// Relative error of λ_max for steps that keep a distance from their limit.
-const ROUGH: f64 = 0.1;
 /// Largest displacement of a difference, relative to the extent of the body. Its square and the round-off that it
 /// amplifies (1e-16/1e-7) are both far below [`ACCURACY`].
 const DIFFERENCE: f64 = 1e-7;
@@ -36,102 +33,6 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
         return Ok(found);
     }
     highest(&mut Operator::new(system), system, state, ACCURACY)
-}
-
-/// Frequencies of a system at states of its motion, for steps that follow it. They depend on the state alone and do not
-/// change if its velocity is reversed.
-pub struct Frequencies {
-    operator: Operator,
-}
-
-impl Frequencies {
-    /// Prepares for the states of a system.
-    pub fn new(system: &System) -> Self {
-        Self { operator: Operator::new(system) }
-    }
-
-    /// Returns a bound of the highest angular frequency about a state, rad/s: at most a tenth too high.
-    ///
-    /// # Errors
-    /// Returns the errors of [`highest_frequency`].
-    pub fn highest(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
-        Ok(highest(&mut self.operator, system, state, ROUGH)?.omega)
-    }
-
-    /// Returns the mean angular frequency of the motion of a state, rad/s: ω² = |vᵀKv|/vᵀMv + Ω² with the velocity v and
-    /// the larger Ω of two rates: at which the system turns about its centre of mass, and at which the fastest direction in a rigid
-    /// body turns. Zero at rest.
-    ///
-    /// # Errors
-    /// Returns the errors of [`highest_frequency`].
-    pub fn of_motion(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
-        let n = system.coordinates().free_count();
-        let velocity = system.velocity(&state.p);
-        self.operator.place(system, state)?;
-        let mut direction: Vec<f64> =
-            velocity.iter().enumerate().map(|(k, v)| v * self.operator.root_mass(system, k)).collect();
-        if n == 0 || normalize(&mut direction) == 0.0 {
-            return Ok(0.0);
-        }
-        let mut out = vec![0.0; n];
-        self.operator.apply(system, state, &direction, &mut out)?;
-        let mut square = vectors::sum(n, |k| direction[k] * out[k]).abs();
-        if system.filter().is_some() {
-            // With a filtered mass, twice the kinetic energy is vᵀp instead of vᵀM v.
-            let mass = system.free_mass();
-            let lumped = vectors::sum(n, |k| mass[k] * (velocity[k] * velocity[k]));
-            square *= lumped / vectors::dot(&velocity, &state.p);
-        }
-        let turning = turning_rate(system, state).max(director_rate(system, state));
-        Ok((square + turning.powi(2)).sqrt())
-    }
-}
-
-/// Returns the rate at which the nodes turn about their centre of mass, |I⁻¹L|, rad/s.
-fn turning_rate(system: &System, state: &State) -> f64 {
-    let coordinates = system.coordinates();
-    let (x, v, mass) = (system.positions(state), system.velocities(state), system.mass());
-    if !x.len().is_multiple_of(3) {
-        return 0.0;
-    }
-    let at = |values: &[f64], node: usize| Vector3::from_column_slice(&values[3 * node..3 * node + 3]);
-    let nodes = || (0..x.len() / 3).filter(|&node| !coordinates.is_director(node as u32));
-    let (mut total, mut centre, mut momentum) = (0.0, Vector3::zeros(), Vector3::zeros());
-    for node in nodes() {
-        total += mass[3 * node];
-        centre += mass[3 * node] * at(&x, node);
-        momentum += mass[3 * node] * at(&v, node);
-    }
-    if total <= 0.0 {
-        return 0.0;
-    }
-    let (centre, mean) = (centre / total, momentum / total);
-    let (mut spin, mut inertia) = (Vector3::zeros(), Matrix3::zeros());
-    for node in nodes() {
-        let (m, arm) = (mass[3 * node], at(&x, node) - centre);
-        spin += m * arm.cross(&(at(&v, node) - mean));
-        inertia += m * (arm.norm_squared() * Matrix3::identity() - arm * arm.transpose());
-    }
-    // A straight body has no inertia about its line.
-    let size = inertia.trace();
-    inertia.pseudo_inverse(1e-12 * size).map_or(0.0, |inverse| (inverse * spin).norm())
-}
-
-/// Returns the largest rate |ḋ|/|d| of the directors d of rigid bodies, rad/s: at least √(2/3) of the rate at which the fastest body
-/// turns.
-fn director_rate(system: &System, state: &State) -> f64 {
-    let coordinates = system.coordinates();
-    let (x, v) = (system.positions(state), system.velocities(state));
-    if !x.len().is_multiple_of(3) {
-        return 0.0;
-    }
-    let length =
-        |values: &[f64], node: usize| Vector3::from_column_slice(&values[3 * node..3 * node + 3]).norm();
-    let directors = (0..x.len() / 3).filter(|&node| coordinates.is_director(node as u32));
-    directors
-        .map(|node| length(&v, node) / length(&x, node))
-        .filter(|rate| rate.is_finite())
-        .fold(0.0, f64::max)
 }
 
 /// Returns ω_max, found together by the ranks that share the system. Returns `None` if they cannot find it; the error of
@@ -169,7 +70,8 @@ pub(crate) fn per_unit(system: &System) -> f64 {
     system.free_mass().first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)))
 }
 
-fn highest(
+/// Returns a bound of the highest frequency about a state, whose relative error of λ_max is at most `accuracy`.
+pub(super) fn highest(
     operator: &mut Operator,
     system: &System,
     state: &State,
@@ -255,7 +157,7 @@ impl SymmetricOperator for Filtered<'_> {
 }
 
 /// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
-struct Operator {
+pub(super) struct Operator {
     evaluator: Evaluator,
     /// The inverse of a unit of mass, which is a power of two.
     per_unit: f64,
@@ -267,7 +169,7 @@ struct Operator {
 }
 
 impl Operator {
-    fn new(system: &System) -> Self {
+    pub(super) fn new(system: &System) -> Self {
         let evaluator = Evaluator::new(system);
         // Terms that list pairs act in the drift of explicit schemes, where they do not limit the step.
         let is_in_drift = system.terms().live().iter().all(|term| term.lists_pairs());
@@ -279,18 +181,19 @@ impl Operator {
     }
 
     /// Returns √(m/unit) of a free coordinate, which has the same bits in every such unit.
-    fn root_mass(&self, system: &System, k: usize) -> f64 {
+    pub(super) fn root_mass(&self, system: &System, k: usize) -> f64 {
         (system.free_mass()[k] * self.per_unit).sqrt()
     }
 
     /// Prepares for products at a state.
-    fn place(&mut self, system: &System, state: &State) -> Result<(), SolverError> {
+    pub(super) fn place(&mut self, system: &System, state: &State) -> Result<(), SolverError> {
         self.evaluator.evaluate(system, &state.q, state.t, true)?;
         self.sizes = [displacement(system, self.evaluator.positions())?, DIFFERENCE];
         Ok(())
     }
 
-    fn apply(
+    /// Computes `out` = M^{-1/2} K M^{-1/2} v at the state at which the operator was placed.
+    pub(super) fn apply(
         &mut self,
         system: &System,
         state: &State,

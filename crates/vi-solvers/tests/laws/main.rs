@@ -17,6 +17,7 @@ mod implicit;
 mod interrupt;
 mod live;
 mod modes;
+mod motion;
 mod pcg;
 mod ranks;
 mod single;
