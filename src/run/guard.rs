@@ -87,9 +87,8 @@ pub(crate) struct EnergyGuard {
     events: Vec<GuardEvent>,
     /// Energy below which round-off dominates, J.
     resolution: f64,
-    /// Steps before the guard judges. A body that starts from rest has exchanged almost no energy at first, and the
-    /// energy of a scheme of order 1 has a relative error of 1/n in step n.
-    grace: u64,
+    /// Order of the scheme.
+    order: usize,
 }
 
 impl EnergyGuard {
@@ -97,10 +96,9 @@ impl EnergyGuard {
     /// round-off dominates.
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
         let Watching { rule, stride, warns_above, watches_motion } = watching;
-        let grace = if order < 2 { (4.0 / rule.bound).ceil() as u64 } else { 2 };
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, stride, warns_above, watches_motion, growth, events: Vec::new(), resolution, grace }
+        Self { rule, stride, warns_above, watches_motion, growth, events: Vec::new(), resolution, order }
     }
 
     /// Returns whether the guard looks at the state after this step in order to act.
@@ -148,7 +146,20 @@ impl EnergyGuard {
     /// Returns whether the current growth, after `steps` steps, exceeds the bound.
     pub(crate) fn is_exceeded(&self, steps: u64) -> bool {
         let Growth { now, exchange, accepted, .. } = self.growth;
-        steps > self.grace && now > accepted + self.rule.bound * exchange
+        self.allowed(steps).is_some_and(|allowed| now > accepted + allowed * exchange)
+    }
+
+    /// Returns the growth relative to the exchange that is allowed after n steps; `None` if it is not judged yet.
+    ///
+    /// What a body that starts from rest has exchanged grows as t² at first, but the error of its energy, of h^p, is there after one
+    /// step: relative to the exchange it is about 1/n^p after n steps of a scheme of order p. An unstable step multiplies the energy
+    /// by a factor each time, so it soon exceeds this too. Schemes of order 1 are not judged before 4/n is below the bound.
+    fn allowed(&self, steps: u64) -> Option<f64> {
+        let error = 4.0 / (steps as f64).powi(self.order.max(1) as i32);
+        match self.order {
+            0 | 1 => (error <= self.rule.bound).then_some(self.rule.bound),
+            _ => (steps > 2).then_some(self.rule.bound.max(error)),
+        }
     }
 
     /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good

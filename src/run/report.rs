@@ -181,9 +181,11 @@ impl Report {
         }
         let cut = simulation.substeps();
         let is_symmetric = simulation.method().facts().is_symmetric && simulation.scene().statics.is_none();
+        let was_hard = cut.steps > cut.halved;
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
+                                "steps_halved_by_guard": cut.halved,
                                 "smallest": simulation.step_size() / cut.finest as f64,
-                                "time_symmetry_lost": is_symmetric && cut.steps > 0 });
+                                "time_symmetry_lost": is_symmetric && (was_hard || cut.changes > 0) });
         self.notes.extend(self.lost_symmetry());
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
         // Drop the reason: only the run that chose the solver has it, and a continued run must report the same.
@@ -216,14 +218,24 @@ impl Report {
         }
     }
 
-    /// Returns a note if steps were cut although the scheme is symmetric in time.
+    /// Returns a note if steps were not equal although the scheme is symmetric in time.
     pub(crate) fn lost_symmetry(&self) -> Option<String> {
         let scheme = self.scheme.filter(|_| self.substeps["time_symmetry_lost"] == true)?;
+        let count = |key: &str| self.substeps[key].as_u64().unwrap_or(0);
+        let hard = count("steps_cut") - count("steps_halved_by_guard");
+        let (what, remedy) = match hard {
+            0 => (
+                "the energy guard changed the step during the run".to_owned(),
+                "use its last step from the start",
+            ),
+            _ => (
+                format!("{hard} of {} steps were cut where they were hard to solve", self.steps),
+                "a smaller step is not cut, and `time.substeps = false` forbids it",
+            ),
+        };
         Some(format!(
-            "{} of {} steps were cut where they were hard to solve: run backwards from its end, this run comes back \
-                 to its start only to the error of these steps, and not to round-off as {scheme} does with equal steps; \
-                 a smaller step is not cut, and `time.substeps = false` forbids it",
-            self.substeps["steps_cut"], self.steps
+            "{what}: run backwards from its end, this run comes back to its start only to the error of these steps, and not to \
+             round-off as {scheme} does with equal steps; {remedy}"
         ))
     }
 

@@ -84,6 +84,8 @@ impl Simulation {
         if total.substeps > 0 {
             self.substeps.steps += 1;
             self.substeps.substeps += total.substeps;
+            // Adaptive steps are made in the equal parts of `halve` without being cut.
+            self.substeps.halved += u64::from(finest == self.parts && adaptive.is_none());
             self.substeps.finest = self.substeps.finest.max(u64::from(finest));
         }
         total.energy.force += std::mem::take(&mut self.given);

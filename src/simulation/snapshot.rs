@@ -26,6 +26,10 @@ pub struct Substeps {
     pub substeps: u64,
     /// The smallest substep was h divided by this; 1 if no step was cut.
     pub finest: u64,
+    /// Those of the steps that were only made in the equal parts of [`Simulation::halve`], and not because they were hard to solve.
+    pub halved: u64,
+    /// Number of times that the step or the scheme of all further steps was changed after the start.
+    pub changes: u64,
 }
 
 /// The state of a simulation between two steps.
@@ -46,7 +50,7 @@ pub struct Snapshot {
     pub(super) contact: ContactTotals,
 }
 
-record!(Substeps { steps: u64, substeps: u64, finest: u64 });
+record!(Substeps { steps: u64, substeps: u64, finest: u64, halved: u64, changes: u64 });
 record!(Snapshot {
     steps: u64,
     parts: u64,
@@ -213,6 +217,7 @@ impl Simulation {
         };
         let can = self.parts < MOST_PARTS;
         self.parts = (2 * FLOOR / longest).min(MOST_PARTS);
+        self.substeps.changes += u64::from(self.steps > 0);
         can
     }
 
@@ -230,6 +235,7 @@ impl Simulation {
         self.set_steppers(Method::EnergyMomentum)?;
         self.earlier_work = work;
         self.switched = true;
+        self.substeps.changes += u64::from(self.steps > 0);
         Ok(())
     }
 
