@@ -101,6 +101,12 @@ impl Adaptive {
         Self { accuracy, stability: facts.stability_limit.map(|limit| SHARE * limit), is_symmetric: true }
     }
 
+    /// Returns the longest step of an explicit scheme at a state whose highest frequency is ω (rad/s), s; `None` if stability does not
+    /// limit it.
+    pub(super) fn longest_stable(&self, omega: f64) -> Option<f64> {
+        self.stability.map(|limit| limit / omega)
+    }
+
     /// Returns the density of steps that a state asks for, 1/s.
     fn density(&self, asked: &mut Asked, system: &System, state: &State) -> Result<f64, SolverError> {
         if let Some((known, density)) = &asked.last

@@ -11,8 +11,10 @@ use crate::simulation::{Component, Simulation};
 pub struct StabilityNote {
     /// The scheme.
     pub method: Method,
-    /// The step, s.
+    /// The step, s; of adaptive steps the longest at the start.
     pub step: f64,
+    /// Whether steps are adaptive: then they follow the limit.
+    pub is_adaptive: bool,
     /// Highest angular frequency ω of the scene at its start, rad/s.
     pub highest_frequency: f64,
     /// The largest stable step, (hω limit)/ω, s.
@@ -23,7 +25,8 @@ impl StabilityNote {
     /// Returns advice for a run that became unstable with a step slightly below the limit at the start.
     pub fn diagnosis(&self) -> Option<String> {
         let share = self.step / self.step_limit;
-        (0.5..=1.0).contains(&share).then(|| {
+        let is_near = !self.is_adaptive && (0.5..=1.0).contains(&share);
+        is_near.then(|| {
             format!(
                 "the step {:.3e} s was {share:.2} of the stability limit that {} had at the start; the limit falls as \
                  bodies deform, and above it a run blows up: try a step of {:.3e} s, or an implicit scheme",
@@ -61,10 +64,12 @@ impl StabilityNote {
 pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
     let Some(limit) = method.facts().stability_limit else { return Ok(None) };
-    let highest = highest(simulation)?;
+    let (highest, step, rule) = (highest(simulation)?, simulation.step_size(), simulation.adaptive);
+    let longest = |highest: f64| rule.and_then(|rule| rule.longest_stable(highest));
     Ok(highest.map(|highest| StabilityNote {
         method,
-        step: simulation.step_size(),
+        step: longest(highest).map_or(step, |longest| step.min(longest)),
+        is_adaptive: rule.is_some(),
         highest_frequency: highest,
         step_limit: limit / highest,
     }))

@@ -400,3 +400,15 @@ fn halved_steps_are_told_from_hard_ones() {
     assert_eq!(substeps["time_symmetry_lost"], !is_from_start, "{substeps}");
     assert_eq!(report["notes"].to_string().contains("run backwards"), !is_from_start);
 }
+
+/// Adaptive explicit steps follow the stability limit, so that nothing warns of intervals above it.
+#[test]
+fn adaptive_steps_are_not_judged_by_their_intervals() {
+    let scene = RINGING.replace("SCHEME", "stormer-verlet").replace("LAW", "linear").replace("GUARD", "");
+    let scene = scene.replace("step = 2.2e-3", "step = \"adaptive\"\nlargest_step = 0.05");
+    let report = Program::try_run(&scene, &[]).report();
+    assert_eq!(report["stability"]["exceeded"], false);
+    assert!(!report["notes"].to_string().contains("blow up"), "{}", report["notes"]);
+    let longest = report["adaptive"]["largest_step"].as_f64().unwrap();
+    assert!(longest < report["stability"]["step_limit"].as_f64().unwrap(), "{}", report["adaptive"]);
+}
