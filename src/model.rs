@@ -7,6 +7,7 @@ mod component;
 mod contact;
 mod control;
 mod directions;
+mod extent;
 mod import;
 mod initial;
 mod loads;

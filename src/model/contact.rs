@@ -6,6 +6,7 @@ use std::sync::Arc;
 use vi_contact::{ContactTerm, Gap, PairRule, RollingTerm, SurfaceBuilder, median_edge};
 use vi_core::{Live, State, System};
 
+use super::extent::extent;
 use super::meeting::{Meeting, name_of};
 use super::naming::part_in_words;
 use super::outline::outline;
@@ -100,8 +101,9 @@ pub(super) fn contact(
     for (number, body) in bodies.iter().enumerate().filter(|(_, body)| body.component == component) {
         parts.push(of_body(scene, number, body, rest).map_err(wrong)?);
     }
+    let extent = extent(component, bodies, rigids, rest);
     for (number, rigid) in rigids.iter().enumerate().filter(|(_, rigid)| rigid.component == component) {
-        parts.extend(of_rigid(scene, bodies.len() + number, rigid, rest));
+        parts.extend(of_rigid(scene, bodies.len() + number, rigid, rest, extent));
     }
     enter_overlaps(&parts, surfaces, &system.positions(state), meeting);
     let meeting = &*meeting;
@@ -277,8 +279,8 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
     })
 }
 
-/// Returns the surface of a rigid body; `None` if it has no shape.
-fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> Option<Part> {
+/// Returns the surface of a rigid body in a component of this extent, m; `None` if it has no shape.
+fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64], extent: f64) -> Option<Part> {
     let rigid = &scene.rigids[number - scene.bodies.len()];
     let (shape, form) = (rigid.shape.as_ref()?, model.form.as_ref()?);
     let (plane, distance) = match shape {
@@ -301,9 +303,9 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64]) -> O
     let square = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>();
     let gravity = square(scene.gravity).sqrt();
     let density = rigid.density.or(rigid.mass.map(|mass| mass / form.volume)).unwrap_or(0.0);
-    let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent(rest);
+    let speed = square(rigid.velocity.unwrap_or_default()) + 2.0 * gravity * extent;
     // Without weight and velocity, something else moves bodies; it may cross the scene during the run.
-    let speed = if speed > 0.0 { speed } else { (extent(rest) / scene.time.end).powi(2) };
+    let speed = if speed > 0.0 { speed } else { (extent / scene.time.end).powi(2) };
     let pressure = if shape.is_plane() { 0.0 } else { spread * density * (gravity * form.thickness + speed) };
     let (frame, radius, stiffness) = (Some(model.frame()), model.radius, None);
     let own = model.surface_nodes();
@@ -331,15 +333,6 @@ fn area_of_round(shape: &RigidShape, layer: f64) -> f64 {
         _ => (0.0, 0.5 * shape.thickness()),
     };
     std::f64::consts::TAU * radius * layer + length * (2.0 * radius * layer).sqrt()
-}
-
-/// Returns the largest extent of the nodes along an axis, m.
-fn extent(rest: &[f64]) -> f64 {
-    let axis = |k: usize| rest.iter().skip(k).step_by(3);
-    let width = |k| {
-        axis(k).copied().fold(f64::NEG_INFINITY, f64::max) - axis(k).copied().fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(width).fold(0.0, f64::max)
 }
 
 /// Returns the scene's settings for a pair, and the stiffness between two rigid bodies.

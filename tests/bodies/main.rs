@@ -12,6 +12,7 @@ mod contact_planes;
 mod contact_resolved;
 mod contact_scenes;
 mod contact_statics;
+mod contact_units;
 mod equilibria;
 mod filtered_mass;
 mod mechanisms;
