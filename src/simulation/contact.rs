@@ -164,7 +164,8 @@ impl ContactWatch {
 
     /// Returns the nodes of the pair that meets first if all nodes move straight from x to `end`; `None` if none meets.
     pub(super) fn first_to_meet(&self, x: &[f64], end: &[f64]) -> Option<[u32; 4]> {
-        let farthest = x.iter().zip(end).map(|(x, end)| (end - x).abs()).fold(0.0, f64::max);
+        let dofs = self.term.surface().nodes().flat_map(|node| 3 * node as usize..3 * node as usize + 3);
+        let farthest = dofs.map(|dof| (end[dof] - x[dof]).abs()).fold(0.0, f64::max);
         let near = self.term.about(x, 2.0 * farthest.max(self.farthest_gap));
         near.contact().first_impact(x, end).map(|impact| impact.nodes)
     }

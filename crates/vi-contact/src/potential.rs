@@ -79,15 +79,16 @@ impl ContactTerm {
 
     /// Returns the contact in a tube along a path.
     fn along(&self, tube: &Tube) -> ContactPotential {
+        let tube = self.surface.loosened(tube.clone());
         // Take the search out of its lock while it works, because it uses all threads.
         let search = lock(&self.search).take();
         let search = match search {
-            Some(search) if search.tube() == tube => search,
+            Some(search) if *search.tube() == tube => search,
             Some(mut search) => match search.update(&self.surface, tube.clone()) {
                 true => search,
-                false => Search::new(&self.surface, tube.clone()),
+                false => Search::new(&self.surface, tube),
             },
-            None => Search::new(&self.surface, tube.clone()),
+            None => Search::new(&self.surface, tube),
         };
         let found = ContactPotential::on(Arc::clone(&self.surface), Arc::clone(search.found()));
         *lock(&self.search) = Some(search);
@@ -97,7 +98,7 @@ impl ContactTerm {
     /// Returns the contact about x, valid until a node is farther than `reach` (m) from there. If a known list is valid
     /// there, candidates are chosen from it; they are the same.
     pub fn about(&self, x: &[f64], reach: f64) -> ContactPotential {
-        let tube = Tube::about(x, reach);
+        let tube = self.surface.loosened(Tube::about(x, reach));
         let known = lock(&self.search)
             .as_ref()
             .filter(|search| search.tube().contains_tube(&tube))
@@ -177,7 +178,8 @@ pub struct ContactPotential {
 impl ContactPotential {
     /// Returns the contact energy, exact as long as no node is farther than `reach` (m) from x.
     pub fn near(surface: Arc<Surface>, x: &[f64], reach: f64) -> Self {
-        Self::within(surface, Tube::about(x, reach))
+        let tube = surface.loosened(Tube::about(x, reach));
+        Self::within(surface, tube)
     }
 
     /// Returns the contact energy, exact in a tube.

@@ -22,6 +22,7 @@ pub use topology::median_edge;
 use std::collections::{BTreeMap, BTreeSet};
 
 use law::Laws;
+use vi_core::Tube;
 
 use crate::barrier::Barrier;
 use crate::distance::{Shape, Vec3, at};
@@ -142,6 +143,8 @@ pub struct Surface {
     pub(crate) edges: Vec<Edge>,
     pub(crate) half_spaces: Vec<HalfSpace>,
     pub(crate) laws: Laws,
+    /// For each node, whether pairs read its place.
+    pub(crate) is_read: Vec<bool>,
     /// For each node, the group of nodes that move as one, or [`LOOSE`].
     pub(crate) held: Vec<u32>,
     /// The nodes c, d₁, d₂, d₃ of each body that is rigid.
@@ -360,6 +363,17 @@ impl Surface {
 
     pub(super) fn rest_distance(&self, shape: Shape, nodes: [u32; 4]) -> f64 {
         shape.closest(&nodes.map(|node| at(&self.rest, node))).distance()
+    }
+
+    /// Returns a tube in which nodes whose places no pair reads may be anywhere. Among these are the directors of rigid bodies,
+    /// whose coordinates are no lengths.
+    pub(crate) fn loosened(&self, mut tube: Tube) -> Tube {
+        for (node, _) in self.is_read.iter().enumerate().filter(|(_, is_read)| !**is_read) {
+            tube.start[3 * node..3 * node + 3].fill(0.0);
+            tube.motion[3 * node..3 * node + 3].fill(0.0);
+            tube.reach[node] = f64::INFINITY;
+        }
+        tube
     }
 
     /// Returns the nodes that contact reads.

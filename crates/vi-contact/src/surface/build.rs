@@ -226,6 +226,7 @@ impl SurfaceBuilder {
         };
         let frame = |body: u32| self.frames.get(&body).copied();
         let frames = (0..self.laws.bodies.len() as u32).map(frame).collect();
+        let is_read = vec![false; self.rest.len() / 3];
         let mut surface = Surface {
             barrier: self.barrier,
             start: self.start.unwrap_or_else(|| self.rest.clone()),
@@ -236,11 +237,14 @@ impl SurfaceBuilder {
             edges,
             half_spaces: self.half_spaces,
             laws: self.laws,
+            is_read,
             held,
             frames,
             stitches: self.stitches,
             orders,
         };
+        let read: Vec<u32> = surface.nodes().collect();
+        read.into_iter().for_each(|node| surface.is_read[node as usize] = true);
         let nearest = nearest_own_cells(&surface);
         for (point, rest) in nearest.into_iter().enumerate() {
             let body = surface.laws.bodies[surface.points[point].body as usize];

@@ -194,3 +194,35 @@ fn a_search_of_few_nodes_finds_the_same_as_one_of_all() {
         last = found;
     }
 }
+
+/// A list about one configuration stays valid wherever nodes are that no pair reads, such as the directors of a rigid body, and does
+/// not if a node of a surface moves as far.
+#[test]
+fn nodes_that_no_pair_reads_may_be_anywhere() {
+    let mut all = Sheet::default();
+    let sheets = [0.0, 0.05].map(|z| all.join(&Sheet::grid(3, 0.0, 1.0, z)));
+    let director = all.x.len();
+    all.x.extend([1.0, 0.0, 0.0]);
+    let mut builder = SurfaceBuilder::new(&all.x);
+    for triangles in sheets {
+        let number = builder.body(body(0.03, 1e4));
+        builder.triangles(number, &triangles);
+    }
+    let term = ContactTerm::new(Arc::new(builder.build().expect("a valid surface")), 0.01);
+    let near = term.at(&all.x);
+    let shifted = |k: usize| {
+        let mut x = all.x.clone();
+        x[k] += 100.0;
+        x
+    };
+    assert!(near.neighbours().covers(&shifted(director)));
+    assert!(!near.neighbours().covers(&shifted(0)));
+    // Lists along a path are the same for any path of such a node.
+    let tube = |turn: f64| {
+        let mut motion = vec![0.1; all.x.len()];
+        motion[director] = turn;
+        Tube { start: all.x.clone(), motion, reach: vec![0.01; all.x.len() / 3] }
+    };
+    let [still, turning] = [0.0, 9.0].map(|turn| term.within(&tube(turn)).stencils().nodes.to_vec());
+    assert_eq!(still, turning);
+}

@@ -3,6 +3,8 @@
 //! node may be components along its own axes (`node_axes.rs`). All coordinates that are not free are eliminated, never
 //! penalised.
 
+use std::borrow::Cow;
+
 use crate::contract::combination::{Combination, Combinations};
 use crate::contract::node_axes::{AllNodeAxes, NodeAxes};
 use crate::error::CoreError;
@@ -187,6 +189,16 @@ impl Coordinates {
     /// Returns whether a node is a director.
     pub fn is_director(&self, node: u32) -> bool {
         !self.directors.is_empty() && self.directors.binary_search(&node).is_ok()
+    }
+
+    /// Returns the places of all nodes, or their changes, given all coordinates. Directors are no places, and their numbers are not
+    /// lengths; they are at the origin, where they never move.
+    pub fn places<'a>(&self, x: &'a [f64]) -> Cow<'a, [f64]> {
+        let mut places = Cow::Borrowed(x);
+        for &node in &self.directors {
+            places.to_mut()[3 * node as usize..][..3].fill(0.0);
+        }
+        places
     }
 
     /// Returns the largest extent of the points at x along an axis, and their largest absolute coordinate, m.

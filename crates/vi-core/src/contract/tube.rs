@@ -3,6 +3,8 @@
 /// All configurations in which every node i is within `reach[i]` (m) of start_i + τ motion_i, with the same τ in [0, 1]
 /// for all nodes. The set is convex: if it contains both ends of a straight path, it contains the path.
 ///
+/// Nodes with an infinite reach and no motion may be anywhere.
+///
 /// Lists of pairs that may meet are valid in a tube. Nodes that move steadily need only a small reach in it, and their
 /// pairs depend on relative motions alone.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -85,7 +85,8 @@ where
                     |nodes: [u32; 4]| nodes.iter().map(|&node| parts[node as usize]).fold(1.0, f64::min);
                 all.extend(met.iter().map(|met| Meeting { part: met.part * least(met.nodes), ..*met }));
                 let wider = NEAR * WIDER.powi(round as i32);
-                let surroundings = surroundings.get_or_insert_with(|| Surroundings::new(self.from));
+                let surroundings =
+                    surroundings.get_or_insert_with(|| Surroundings::new(self.from, self.coordinates));
                 all.iter().for_each(|meeting| surroundings.shorten(meeting, wider, &mut parts));
             } else {
                 let least = met.iter().map(|met| met.part).fold(1.0, f64::min);
@@ -158,13 +159,14 @@ where
 /// Finds the nodes around a pair.
 struct Surroundings<'a> {
     x: &'a [f64],
-    /// All nodes in the order of their first coordinate.
+    /// All nodes that are in space in the order of their first coordinate.
     order: Vec<u32>,
 }
 
 impl<'a> Surroundings<'a> {
-    fn new(x: &'a [f64]) -> Self {
-        let mut order: Vec<u32> = (0..x.len() as u32 / 3).collect();
+    fn new(x: &'a [f64], coordinates: &Coordinates) -> Self {
+        let nodes = 0..x.len() as u32 / 3;
+        let mut order: Vec<u32> = nodes.filter(|&node| !coordinates.is_director(node)).collect();
         order.sort_unstable_by(|&a, &b| x[3 * a as usize].total_cmp(&x[3 * b as usize]));
         Self { x, order }
     }

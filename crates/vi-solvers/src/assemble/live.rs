@@ -266,8 +266,9 @@ impl LiveSum {
     /// Appends the forces of the pairs over the open step to `out`. Returns false if a term cannot be used.
     pub(crate) fn list_pairs(&mut self, start: &[f64], end: &[f64], out: &mut Acting) -> bool {
         self.follow(start, Some(end));
-        let Self { near: Some(near), passage, .. } = self else { return false };
-        near.choose(start, &[end], passage);
+        let Self { near: Some(near), passage, terms, .. } = self else { return false };
+        let [begun, goal] = [start, end].map(|x| terms.coordinates().places(x));
+        near.choose(&begun, &[&goal], passage);
         let (terms, over) = near.of_step();
         for ((_, term), over) in terms.iter().zip(over) {
             if let Some(discrete) = over.as_deref().or(term.discrete_gradient()) {

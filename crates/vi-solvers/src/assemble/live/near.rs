@@ -76,8 +76,8 @@ impl Near {
         hessians
     }
 
-    /// Makes the pairs of the open step, which begins at `start`, valid at all `places`, the last of which is its end as far as it
-    /// is known.
+    /// Makes the pairs of the open step, which begins at the places `start` of nodes, valid at all `places`, the last of which is its
+    /// end as far as it is known.
     pub(super) fn choose(&mut self, start: &[f64], places: &[&[f64]], passage: &Passage) {
         let count: usize = self.discrete.iter().map(|(_, term)| term.stencil_count()).sum();
         let is_served =

@@ -16,8 +16,9 @@ impl LiveSum {
     pub(crate) fn largest_step(&mut self, x: &[f64], dx: &[f64], end: Option<[&[f64]; 2]>) -> f64 {
         let (from, along) = end.map_or((x, dx), |[end, change]| (end, change));
         let start: Vec<f64> = x.iter().zip(from).map(|(x, from)| 2.0 * x - from).collect();
-        let short = (2.0 * FAR * self.shortest_reach()).max(distance(&start, from));
-        let length = 3.0_f64.sqrt() * vectors::max_abs(along.len(), |k| along[k]);
+        let [begun, reached, moved] = [&start[..], from, along].map(|x| self.terms.coordinates().places(x));
+        let short = (2.0 * FAR * self.shortest_reach()).max(distance(&begun, &reached));
+        let length = 3.0_f64.sqrt() * vectors::max_abs(moved.len(), |k| moved[k]);
         let mut part = match short / length {
             part if part > 0.0 => part.min(1.0),
             _ => 1.0,
@@ -80,8 +81,9 @@ impl LiveSum {
         kept: f64,
     ) -> (Vec<Meeting>, usize) {
         self.follow(start, [x, end]);
-        let Self { near: Some(near), passage, .. } = self else { return (Vec::new(), 0) };
-        near.choose(start, &[x, end], passage);
+        let Self { near: Some(near), passage, terms, .. } = self else { return (Vec::new(), 0) };
+        let [begun, reached, goal] = [start, x, end].map(|x| terms.coordinates().places(x));
+        near.choose(&begun, &[&reached, &goal], passage);
         let terms = || near.of_step().0.iter().map(|(_, term)| term);
         let meetings = terms().flat_map(|term| term.meetings(x, end, kept)).collect();
         (meetings, terms().map(|term| term.stencil_count()).sum())

@@ -1,6 +1,7 @@
 //! Requests the stencils of live terms for the positions that are to be evaluated: anew when a node has left the reach of the
 //! present ones, and with a shorter reach when the present one is much longer than a step needs.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use vi_core::{Fault, Live, Potential, Terms, Tube};
@@ -76,7 +77,7 @@ impl LiveSum {
         Ok(Near { whole: assembler(potentials)?, parts, discrete, over, close: None })
     }
 
-    /// Returns whether the stencils are valid at positions `x`.
+    /// Returns whether the stencils are valid at the places `x` of nodes.
     fn serves(&self, x: &[f64]) -> bool {
         match &self.tube {
             Some(tube) => tube.contains(x),
@@ -86,11 +87,14 @@ impl LiveSum {
 
     /// Ensures that the stencils are valid at positions `x`, and at all `others` too. Positions that are not finite have no
     /// energy; the fixed terms report this to the caller.
-    pub(super) fn follow<'a>(&mut self, x: &[f64], others: impl IntoIterator<Item = &'a [f64]> + Clone) {
-        if self.serves(x) && others.clone().into_iter().all(|x| self.serves(x)) {
+    pub(super) fn follow<'a>(&mut self, x: &'a [f64], others: impl IntoIterator<Item = &'a [f64]>) {
+        let coordinates = self.terms.coordinates();
+        let x = coordinates.places(x);
+        let others: Vec<Cow<'_, [f64]>> = others.into_iter().map(|x| coordinates.places(x)).collect();
+        if self.serves(&x) && others.iter().all(|x| self.serves(x)) {
             return;
         }
-        if let Some(region) = Region::around(x, others, self.shortest_reach()) {
+        if let Some(region) = Region::around(&x, others.iter().map(|x| &**x), self.shortest_reach()) {
             self.renew(region);
         }
     }
@@ -99,19 +103,21 @@ impl LiveSum {
     /// flight from x through `next`, so that they serve the steps that follow: the bar of `scenes/contact/bar-drop.toml` by
     /// `blanes-moan-4` in steps of .1 ms takes 1.4 instead of 3.2 s, with 66 searches in 1271 steps.
     pub(crate) fn follow_flight(&mut self, x: &[f64], next: &[f64]) {
-        let length = distance(x, next);
-        if length == 0.0 || (self.serves(x) && self.serves(next)) {
-            return self.follow(x, Some(next));
+        let [x, next] = [x, next].map(|x| self.terms.coordinates().places(x));
+        let length = distance(&x, &next);
+        if length == 0.0 || (self.serves(&x) && self.serves(&next)) {
+            return self.follow(&x, Some(&*next));
         }
         let steps = (2.0 * FAR * self.shortest_reach() / length).max(1.0);
-        let end: Vec<f64> = x.iter().zip(next).map(|(x, next)| x + steps * (next - x)).collect();
-        self.follow(x, Some(&end[..]));
+        let end: Vec<f64> = x.iter().zip(&*next).map(|(x, next)| x + steps * (next - x)).collect();
+        self.follow(&x, Some(&end[..]));
     }
 
     /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
     /// matrix has an entry for every stencil.
     pub(super) fn tighten(&mut self, start: &[f64], end: &[f64]) {
-        if let Some(needed) = Region::around(start, Some(end), self.shortest_reach())
+        let [start, end] = [start, end].map(|x| self.terms.coordinates().places(x));
+        if let Some(needed) = Region::around(&start, Some(&*end), self.shortest_reach())
             && self.near.is_some()
             && self.state.region.reach > LONGEST_REACH * needed.reach
         {

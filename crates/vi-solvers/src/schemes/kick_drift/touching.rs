@@ -77,7 +77,7 @@ impl Touching {
             return None;
         }
         Some(Self {
-            lists: Lists::new(live.to_vec(), coordinates),
+            lists: Lists::new(live.to_vec(), system.terms().shared_coordinates()),
             passage: Passage::new(live.len()),
             tolerance,
             ledger: false,

@@ -6,7 +6,6 @@
 //! their mean motion since the last one. So a body that falls or slides as a whole needs no new search. If few nodes leave the
 //! tube of the outer list, only their pairs are searched again.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use vi_core::{Coordinates, Live, Potential, Tube};
@@ -118,6 +117,7 @@ fn needed(tube: &Tube, inside: &Tube, end: &[f64]) -> Vec<f64> {
 
 pub(super) struct Lists {
     live: Vec<Arc<dyn Live>>,
+    coordinates: Arc<Coordinates>,
     outer: Arc<List>,
     /// Number of steps that the outer list has served.
     served: f64,
@@ -131,8 +131,6 @@ pub(super) struct Lists {
     version: u64,
     /// Distance of each node from its expected place at the end of the last step, m; empty if contact moved none.
     deviations: Vec<f64>,
-    /// The nodes that are directors, whose coordinates are no places. They count as nodes that do not move.
-    directors: Vec<usize>,
     /// Longest motion of a node that is expected in the step, m.
     farthest: f64,
 }
@@ -147,11 +145,10 @@ pub(in crate::schemes::kick_drift) struct Kept {
 }
 
 impl Lists {
-    pub(super) fn new(live: Vec<Arc<dyn Live>>, coordinates: &Coordinates) -> Self {
-        let nodes = 0..coordinates.dof_count() / 3;
+    pub(super) fn new(live: Vec<Arc<dyn Live>>, coordinates: &Arc<Coordinates>) -> Self {
         Self {
             live,
-            directors: nodes.filter(|&node| coordinates.is_director(node as u32)).collect(),
+            coordinates: Arc::clone(coordinates),
             farthest: 0.0,
             outer: Arc::default(),
             served: 0.0,
@@ -181,7 +178,7 @@ impl Lists {
 
     /// Begins a step for which the nodes are expected to move from `start` to `end`, and makes the lists valid there.
     pub(super) fn follow(&mut self, start: &[f64], end: &[f64]) {
-        let [start, end] = [start, end].map(|x| self.places(x));
+        let [start, end] = [start, end].map(|x| self.coordinates.places(x));
         let motion: Vec<f64> = start.iter().zip(&*end).map(|(start, end)| end - start).collect();
         self.farthest = motion.chunks_exact(3).map(length).fold(0.0, f64::max);
         let least = LEAST * self.farthest;
@@ -198,18 +195,9 @@ impl Lists {
         self.farthest
     }
 
-    /// Returns the places of the nodes. Directors, whose coordinates are no places, are at the origin.
-    fn places<'a>(&self, x: &'a [f64]) -> Cow<'a, [f64]> {
-        let mut places = Cow::Borrowed(x);
-        for node in &self.directors {
-            places.to_mut()[3 * node..3 * node + 3].fill(0.0);
-        }
-        places
-    }
-
     /// Ends the step at `x`. Nodes that left their expected paths are expected to do so again.
     pub(super) fn end_step(&mut self, x: &[f64]) {
-        let x = self.places(x);
+        let x = self.coordinates.places(x);
         let expected = self.step.tube.end();
         let places = x.as_chunks::<3>().0.iter().zip(expected.as_chunks::<3>().0);
         let apart =
@@ -219,7 +207,7 @@ impl Lists {
 
     /// Makes the lists of the step valid at `x` too.
     pub(super) fn widen(&mut self, x: &[f64]) {
-        let x = &*self.places(x);
+        let x = &*self.coordinates.places(x);
         if self.step.tube.contains(x) || !x.iter().all(|x| x.is_finite()) {
             return;
         }
