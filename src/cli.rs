@@ -9,6 +9,7 @@ mod check_frames;
 mod convergence;
 mod events;
 pub(crate) mod exit;
+mod frame_planes;
 mod info;
 mod modes;
 mod new;

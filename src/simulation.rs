@@ -15,6 +15,7 @@ mod measure;
 mod needs;
 mod observe;
 mod pace;
+mod passing;
 mod ranks;
 mod snapshot;
 pub mod stability;
@@ -281,6 +282,7 @@ impl Simulation {
             ranks: None,
         };
         simulation.tell_of_contact();
+        simulation.tell_of_passing();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }

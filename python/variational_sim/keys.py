@@ -15,11 +15,11 @@ class Assert(TypedDict, total=False):
     energy_drift: Union[float, None]
     """Largest |H − H₀ − work of moving supports, forces and damping| over the largest kinetic energy."""
     intersections: Union[int, None]
-    """Largest number allowed of edges that cross triangles of other bodies or of the same body, in any row of history.csv, found by exact predicates (needs `[contact]`)."""
+    """Largest number allowed of edges that cross triangles of other bodies or of the same body, and of points within half-spaces, in any row of history.csv, found by exact predicates (needs `[contact]`). Bodies with prescribed motion count."""
     momentum_drift: Union[float, None]
     """Largest change of linear momentum over the largest Σ m|v| (free bodies without gravity)."""
     smallest_gap: Union[float, None]
-    """Smallest gap allowed between surfaces in contact, at the start and after every step, m (needs `[contact]`)."""
+    """Smallest gap allowed between surfaces in contact, at the start and after every step, m (≥ 0, needs `[contact]`). Surfaces that cross in a row of history.csv have none, those of bodies with prescribed motion too."""
 
 class BoxRegion(TypedDict, total=False):
     max: Numbers

@@ -7,6 +7,7 @@ use serde::Serialize;
 use vi_io::{IoError, PvdSeries};
 
 use super::exit;
+use super::frame_planes::FramePlanes;
 use super::say::{Say, message, out};
 use crate::intersections::frame::FrameSurface;
 use crate::intersections::{Intersection, intersections};
@@ -26,7 +27,7 @@ pub(super) struct CheckFramesArguments {
 #[derive(Serialize)]
 struct FramesReport {
     provenance: Provenance,
-    /// Number of intersections in all frames.
+    /// Number of intersections in all frames, with points within half-spaces.
     intersections: usize,
     frames: Vec<FrameReport>,
 }
@@ -35,6 +36,14 @@ struct FramesReport {
 struct FrameReport {
     file: String,
     intersections: Vec<IntersectionReport>,
+    /// Points of surfaces within half-spaces.
+    below: Vec<BelowReport>,
+}
+
+#[derive(Serialize)]
+struct BelowReport {
+    point: u32,
+    half_space: String,
 }
 
 #[derive(Serialize)]
@@ -58,7 +67,7 @@ pub(super) fn run(arguments: &CheckFramesArguments) -> u8 {
         );
         return exit::BAD_INPUT;
     }
-    let count = frames.iter().map(|frame| frame.intersections.len()).sum();
+    let count = frames.iter().map(|frame| frame.intersections.len() + frame.below.len()).sum();
     let provenance = Provenance::new(&directory.to_string(), 0);
     let report = FramesReport { provenance, intersections: count, frames };
     arguments.say.result(&report, || out!("{} frames, {count} intersections", report.frames.len()));
@@ -67,28 +76,37 @@ pub(super) fn run(arguments: &CheckFramesArguments) -> u8 {
 
 /// Finds the intersections of each frame, and prints the first ones for a reader.
 fn check(directory: &Path, say: &Say) -> Result<Vec<FrameReport>, IoError> {
+    let planes = FramePlanes::of_run(directory);
     let mut frames = Vec::new();
-    for file in frames_of(directory)? {
-        let surface = FrameSurface::new(&vi_io::read_mesh(&file)?);
+    for (time, file) in frames_of(directory)? {
+        let mesh = vi_io::read_mesh(&file)?;
+        let surface = FrameSurface::new(&mesh);
         let found = intersections(&surface.points, &surface.triangles, &surface.wires);
-        if !found.is_empty() && !say.is_brief() {
-            out!("{}: {} intersections", file.display(), found.len());
+        let below = time.or(mesh.time).map_or(Vec::new(), |t| planes.sunk(&surface, t));
+        let count = found.len() + below.len();
+        if count > 0 && !say.is_brief() {
+            out!("{}: {count} intersections", file.display());
             for Intersection { segment: [a, b], triangle: [i, j, k] } in found.iter().take(PRINTED) {
                 out!("  edge {a} {b} meets triangle {i} {j} {k}");
+            }
+            for (point, plane) in below.iter().take(PRINTED) {
+                out!("  point {point} is below the face of '{plane}'");
             }
         }
         let report =
             |found: &Intersection| IntersectionReport { edge: found.segment, triangle: found.triangle };
+        let sunk = |&(point, plane): &(u32, &str)| BelowReport { point, half_space: plane.to_owned() };
         frames.push(FrameReport {
             file: file.display().to_string(),
             intersections: found.iter().map(report).collect(),
+            below: below.iter().map(sunk).collect(),
         });
     }
     Ok(frames)
 }
 
-/// Returns the frames of the series in a directory, or all its .vtu files in the order of their names.
-fn frames_of(directory: &Path) -> Result<Vec<PathBuf>, IoError> {
+/// Returns the frames of the series in a directory with their times (s), or all its .vtu files in the order of their names.
+fn frames_of(directory: &Path) -> Result<Vec<(Option<f64>, PathBuf)>, IoError> {
     let system = |source| IoError::System { file: directory.into(), action: "read", source };
     let mut files = Vec::new();
     for entry in std::fs::read_dir(directory).map_err(system)? {
@@ -104,7 +122,9 @@ fn frames_of(directory: &Path) -> Result<Vec<PathBuf>, IoError> {
     };
     let mut frames = Vec::new();
     for series in with("pvd") {
-        frames.extend(PvdSeries::open(&series)?.frames().iter().map(|(_, file)| directory.join(file)));
+        let series = PvdSeries::open(&series)?;
+        frames.extend(series.frames().iter().map(|(time, file)| (Some(*time), directory.join(file))));
     }
-    Ok(if frames.is_empty() { with("vtu") } else { frames })
+    let alone = || with("vtu").into_iter().map(|file| (None, file)).collect();
+    Ok(if frames.is_empty() { alone() } else { frames })
 }

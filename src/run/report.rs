@@ -193,19 +193,25 @@ impl Report {
         self.linear_solvers = steppers.filter_map(|stepper| stepper.linear_solver().and_then(name)).collect();
         self.contact = simulation.contact_report();
         let assert = &simulation.scene().assert;
-        if let Some(bound) = assert.smallest_gap
-            && simulation.smallest_gap() < bound
-        {
+        let crossing = simulation.first_crossing();
+        if let Some(bound) = assert.smallest_gap {
             let gap = simulation.smallest_gap();
-            self.broken
-                .push(format!("smallest_gap is {gap:.3e} m, the scene asserts at least {bound:.3e} m"));
+            if let Some(crossing) = &crossing {
+                self.broken
+                    .push(format!("smallest_gap: {crossing}, the scene asserts at least {bound:.3e} m"));
+            } else if gap < bound {
+                self.broken
+                    .push(format!("smallest_gap is {gap:.3e} m, the scene asserts at least {bound:.3e} m"));
+            }
         }
         if let Some(bound) = assert.intersections
             && simulation.intersections() > bound
         {
             let found = simulation.intersections();
-            self.broken
-                .push(format!("intersections are {found} in a row, the scene asserts at most {bound}"));
+            let first = crossing.map_or(String::new(), |crossing| format!("; first, {crossing}"));
+            self.broken.push(format!(
+                "intersections are {found} in a row, the scene asserts at most {bound}{first}"
+            ));
         }
     }
 

@@ -333,11 +333,13 @@ pub struct Assert {
     /// Largest change of angular momentum over the largest Σ m|x||v| (free bodies without gravity).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub angular_momentum_drift: Option<f64>,
-    /// Smallest gap allowed between surfaces in contact, at the start and after every step, m (needs `[contact]`).
+    /// Smallest gap allowed between surfaces in contact, at the start and after every step, m (≥ 0, needs `[contact]`). Surfaces
+    /// that cross in a row of history.csv have none, those of bodies with prescribed motion too.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub smallest_gap: Option<f64>,
-    /// Largest number allowed of edges that cross triangles of other bodies or of the same body, in any row of
-    /// history.csv, found by exact predicates (needs `[contact]`).
+    /// Largest number allowed of edges that cross triangles of other bodies or of the same body, and of points within
+    /// half-spaces, in any row of history.csv, found by exact predicates (needs `[contact]`). Bodies with prescribed motion
+    /// count.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub intersections: Option<u64>,
 }

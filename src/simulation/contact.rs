@@ -46,15 +46,24 @@ pub(crate) struct ContactTotals {
     /// Work of friction and of contact damping, J.
     pub(crate) friction: f64,
     pub(crate) damping: f64,
-    /// Largest number of crossings in any row, if the scene asserts their number.
+    /// Largest number of crossings in any row, if the scene asserts their number or the smallest gap.
     pub(crate) intersections: u64,
+    /// The time (s) of the first row with crossings, and the numbers of two bodies that cross there.
+    pub(crate) first_crossing: Option<(f64, (u64, u64))>,
 }
 
-record!(ContactTotals { smallest_gap: f64, friction: f64, damping: f64, intersections: u64 });
+record!(ContactTotals {
+    smallest_gap: f64,
+    friction: f64,
+    damping: f64,
+    intersections: u64,
+    first_crossing: Option<(f64, (u64, u64))>,
+});
 
 impl Default for ContactTotals {
     fn default() -> Self {
-        Self { smallest_gap: f64::INFINITY, friction: 0.0, damping: 0.0, intersections: 0 }
+        let (smallest_gap, intersections) = (f64::INFINITY, 0);
+        Self { smallest_gap, friction: 0.0, damping: 0.0, intersections, first_crossing: None }
     }
 }
 

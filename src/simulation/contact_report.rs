@@ -14,12 +14,21 @@ impl Simulation {
     }
 
     /// Returns the largest number of surface crossings in any observation so far; counted only if the scene asserts
-    /// it.
+    /// it, or the smallest gap.
     pub(crate) fn intersections(&self) -> u64 {
         self.contact.intersections
     }
 
-    /// Adds notes on joined bodies that cross, and on bodies that were moved before the start.
+    /// Returns the first crossing of surfaces in words; `None` if there is none.
+    pub(crate) fn first_crossing(&self) -> Option<String> {
+        let (t, (a, b)) = self.contact.first_crossing?;
+        let [a, b] = [a, b].map(|number| model::name_of(&self.scene, number as usize));
+        let who =
+            if a == b { format!("of '{a}' cross themselves") } else { format!("of '{a}' and '{b}' cross") };
+        Some(format!("the surfaces {who} at t = {t:.4e} s"))
+    }
+
+    /// Adds notes on joined bodies that cross, on bodies that were moved before the start, and on contact without effect.
     pub(super) fn tell_of_contact(&mut self) {
         let name = |number: usize| model::name_of(&self.scene, number);
         let overlaps = self.meeting.overlapping().map(|(a, b)| {

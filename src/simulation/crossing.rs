@@ -1,5 +1,5 @@
-//! Exact test of which surfaces cross in the state of a simulation. It shares no code with the contact search, which
-//! it verifies.
+//! Exact test of which surfaces cross in the state of a simulation, those of bodies with prescribed motion too. It shares no
+//! code with the contact search, which it verifies.
 
 use std::collections::BTreeSet;
 
@@ -8,35 +8,72 @@ use crate::intersections::intersections;
 use crate::model::{Outline, name_of};
 use crate::scene::Problem;
 
-/// An edge that crosses a triangle.
+/// A place where the surfaces of two bodies cross.
 struct Crossing {
-    /// The bodies of the edge and of the triangle, by their numbers in the scene.
+    /// The bodies of both parts, by their numbers in the scene.
     bodies: [usize; 2],
-    /// Nodes of the edge in the mesh of its body.
-    edge: [usize; 2],
-    /// Nodes of the triangle in the mesh of its body.
-    triangle: [usize; 3],
+    parts: Parts,
+}
+
+/// Parts that cross, by their nodes in the meshes of their bodies.
+enum Parts {
+    /// An edge and a triangle.
+    Through([usize; 2], [usize; 3]),
+    /// A point within a half-space.
+    Below(u32),
+}
+
+impl Crossing {
+    /// Returns the pair of bodies, the lower number first.
+    fn pair(&self) -> [usize; 2] {
+        let [a, b] = self.bodies;
+        [a.min(b), a.max(b)]
+    }
 }
 
 impl Simulation {
-    /// Returns the number of crossings, and the pairs of bodies whose surfaces cross although contact applies to
+    /// Returns the number of crossings of triangles, and the pairs of bodies whose surfaces cross although contact applies to
     /// them. Bodies have their numbers in the scene; rigid ones follow the others. In a scene without contact there
     /// are none.
     pub fn crossings(&self) -> (usize, BTreeSet<[usize; 2]>) {
-        let found = self.all_crossings();
-        let pair = |crossing: &Crossing| {
-            let [a, b] = crossing.bodies;
-            [a.min(b), a.max(b)]
-        };
-        (found.len(), found.iter().map(pair).collect())
+        let found = self.through(&self.outlines(), |a, b| self.meeting.may_meet(&self.scene, a, b));
+        (found.len(), found.iter().map(Crossing::pair).collect())
     }
 
-    /// Returns every crossing of surfaces to which contact applies.
+    /// Returns the number of crossings of all surfaces that must not cross, including those of bodies whose motion is prescribed,
+    /// with the first pair of bodies.
+    pub(super) fn forbidden_crossings(&self) -> (usize, Option<[usize; 2]>) {
+        let found = self.all_crossings();
+        (found.len(), found.first().map(Crossing::pair))
+    }
+
+    /// Returns every crossing of surfaces that must not cross.
     fn all_crossings(&self) -> Vec<Crossing> {
         if self.scene.contact.is_none() {
             return Vec::new();
         }
         let outlines = self.outlines();
+        let mut found = self.through(&outlines, |a, b| self.meeting.must_not_cross(&self.scene, a, b));
+        for (plane, half_space) in outlines.iter().enumerate().filter(|(_, outline)| outline.face.is_some()) {
+            for (body, outline) in outlines.iter().enumerate() {
+                // Contact leaves out the places where a body is joined to a half-space.
+                let is_free = !self.meeting.is_joined(body, plane);
+                if is_free && self.meeting.must_not_cross(&self.scene, body, plane) {
+                    let sunk = half_space.sunk_points(outline).into_iter();
+                    found.extend(
+                        sunk.map(|point| Crossing { bodies: [body, plane], parts: Parts::Below(point) }),
+                    );
+                }
+            }
+        }
+        found
+    }
+
+    /// Returns the edges that cross triangles, of bodies that `counts` accepts.
+    fn through(&self, outlines: &[Outline], counts: impl Fn(usize, usize) -> bool) -> Vec<Crossing> {
+        if self.scene.contact.is_none() {
+            return Vec::new();
+        }
         let (mut points, mut triangles, mut owners) = (Vec::new(), Vec::new(), Vec::new());
         for (body, outline) in outlines.iter().enumerate() {
             let first = points.len() as u32;
@@ -47,12 +84,9 @@ impl Simulation {
         let own = |node: u32| (node - owners[node as usize].1) as usize;
         let crossings = intersections(&points, &triangles, &[]).into_iter().map(|found| Crossing {
             bodies: [found.segment[0], found.triangle[0]].map(|node| owners[node as usize].0),
-            edge: found.segment.map(own),
-            triangle: found.triangle.map(own),
+            parts: Parts::Through(found.segment.map(own), found.triangle.map(own)),
         });
-        crossings
-            .filter(|found| self.meeting.may_meet(&self.scene, found.bodies[0], found.bodies[1]))
-            .collect()
+        crossings.filter(|found| counts(found.bodies[0], found.bodies[1])).collect()
     }
 
     /// Returns the current surfaces of all bodies; rigid ones follow the others.
@@ -75,7 +109,7 @@ impl Simulation {
         let mut problems = Vec::new();
         for (outer, around) in outlines.iter().enumerate() {
             for (inner, within) in outlines.iter().enumerate() {
-                if inner == outer || !self.meeting.may_meet(&self.scene, inner, outer) {
+                if inner == outer || !self.meeting.must_not_cross(&self.scene, inner, outer) {
                     continue;
                 }
                 if let Some(point) = around.enclosed_point(within) {
@@ -103,15 +137,19 @@ impl Simulation {
         let crossings = self.all_crossings();
         let name = |number: usize| name_of(&self.scene, number);
         let mut pairs = BTreeSet::new();
-        let is_new = |found: &&Crossing| {
-            let [a, b] = found.bodies;
-            pairs.insert([a.min(b), a.max(b)])
-        };
+        let is_new = |found: &&Crossing| pairs.insert(found.pair());
         let first_of_each: Vec<&Crossing> = crossings.iter().filter(is_new).collect();
         let words = |found: &&Crossing| {
-            let ([a, b], [i, j], [k, l, m]) = (found.bodies, found.edge, found.triangle);
-            let other = if a == b { "itself".to_owned() } else { format!("'{}'", name(b)) };
-            format!("'{}' through {other} (edge {i}–{j} through triangle {k}, {l}, {m})", name(a))
+            let [a, b] = found.bodies;
+            match found.parts {
+                Parts::Through([i, j], [k, l, m]) => {
+                    let other = if a == b { "itself".to_owned() } else { format!("'{}'", name(b)) };
+                    format!("'{}' through {other} (edge {i}–{j} through triangle {k}, {l}, {m})", name(a))
+                }
+                Parts::Below(point) => {
+                    format!("'{}' through '{}' (point {point} is below its face)", name(a), name(b))
+                }
+            }
         };
         if first_of_each.is_empty() {
             return self.enclosed_start();
@@ -121,9 +159,18 @@ impl Simulation {
             0 => String::new(),
             more => format!(" and {more} pairs more"),
         };
+        // Nothing but the scene moves bodies whose motion is prescribed.
+        let may_part = |found: &Crossing| {
+            let [a, b] = found.bodies;
+            self.meeting.may_meet(&self.scene, a, b)
+        };
+        let resolve = match first_of_each.into_iter().any(may_part) {
+            true => ", let `contact.resolve = true` do it,",
+            false => "",
+        };
         let message = format!(
-            "surfaces cross at the start, so that there is no gap: {}{more}; move the bodies apart, let \
-             `contact.resolve = true` do it, or list the pairs in `contact.exclude`",
+            "surfaces cross at the start, so that there is no gap: {}{more}; move the bodies apart{resolve} or list the pairs \
+             in `contact.exclude`",
             named.join(", ")
         );
         vec![Problem::new("contact", message)]

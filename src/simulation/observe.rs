@@ -126,8 +126,12 @@ impl Simulation {
         }
         if let Some(facts) = seen.contact_facts {
             self.contact.smallest_gap = self.contact.smallest_gap.min(facts.smallest_gap);
-            if self.scene.assert.intersections.is_some() {
-                self.contact.intersections = self.contact.intersections.max(self.crossings().0 as u64);
+            let assert = &self.scene.assert;
+            if assert.intersections.is_some() || assert.smallest_gap.is_some() {
+                let (count, pair) = self.forbidden_crossings();
+                let first = pair.map(|[a, b]| (seen.t, (a as u64, b as u64)));
+                self.contact.intersections = self.contact.intersections.max(count as u64);
+                self.contact.first_crossing = self.contact.first_crossing.or(first);
             }
         }
         let value = |probe: &ProbeTarget| {

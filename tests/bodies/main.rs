@@ -9,6 +9,7 @@ mod contact_cases;
 mod contact_conformance;
 mod contact_failures;
 mod contact_planes;
+mod contact_prescribed;
 mod contact_resolved;
 mod contact_scenes;
 mod contact_statics;
