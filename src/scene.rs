@@ -6,6 +6,7 @@ mod check;
 mod columns;
 mod contact;
 mod fix;
+mod idle_contact;
 mod load;
 mod material;
 mod names;

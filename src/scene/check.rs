@@ -16,7 +16,7 @@ use super::{
     Body, LinearChoice, MOST_REFINED, MassKind, Refine, RefineAlong, RestShape, Scene, SchemeName, Substance,
     TimeStep,
 };
-use super::{columns, contact, load, plain};
+use super::{columns, contact, idle_contact, load, plain};
 use checker::Checker;
 
 impl Scene {
@@ -29,7 +29,8 @@ impl Scene {
             !known.iter().any(|known| known.key == problem.key || known.key == key)
         };
         let found = plain::problems(self).into_iter().filter(|problem| is_new(problem, &problems));
-        let found: Vec<_> = found.chain(columns::problems(self)).chain(contact::problems(self)).collect();
+        let found = found.chain(columns::problems(self)).chain(contact::problems(self));
+        let found: Vec<_> = found.chain(idle_contact::problems(self)).collect();
         problems.extend(found);
         problems
     }
@@ -405,6 +406,7 @@ fn output(check: &mut Checker, scene: &Scene) {
         ("energy_drift", assert.energy_drift),
         ("momentum_drift", assert.momentum_drift),
         ("angular_momentum_drift", assert.angular_momentum_drift),
+        ("smallest_gap", assert.smallest_gap),
     ] {
         if bound.is_some_and(|bound| bound.is_nan() || bound < 0.0) {
             check.say(format!("assert.{name}"), "must be zero or positive");

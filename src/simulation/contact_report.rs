@@ -41,7 +41,13 @@ impl Simulation {
                 name(*body)
             )
         });
-        let notes: Vec<String> = overlaps.chain(moves).collect();
+        let is_idle =
+            self.scene.contact.is_some() && self.contact_pairs().all(|(_, reason)| reason.is_some());
+        let idle = is_idle.then(|| {
+            "nothing can meet, so that [contact] has no effect: `variational info` names the reason for each pair of bodies"
+                .to_owned()
+        });
+        let notes: Vec<String> = overlaps.chain(moves).chain(idle).collect();
         self.notes.extend(notes);
     }
 

@@ -131,3 +131,24 @@ fn prescribed_bodies_that_cross_at_the_start_are_named() {
         assert!(names.iter().all(|name| said.contains(name)) && said.contains("contact.exclude"), "{said}");
     }
 }
+
+/// A table `[contact]` without effect is noted, and one in which two bodies may meet is not.
+#[test]
+fn contact_in_which_nothing_can_meet_is_noted() {
+    let alone = r#"
+[time]
+end = 0.1
+step = 0.01
+scheme = "energy-momentum"
+[contact]
+[[rigid]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.1 }
+density = 1000.0
+"#;
+    let notes = |scene: &str| Program::run(scene).report()["notes"].to_string();
+    assert!(notes(alone).contains("nothing can meet"));
+    let wall = alone.to_owned() + &alone[alone.find("[[rigid]]").unwrap()..].replace("ball", "other");
+    let apart = wall.replace("\"other\"", "\"other\"\nposition = [1.0, 0.0, 0.0]");
+    assert!(!notes(&apart).contains("nothing can meet"));
+}

@@ -51,6 +51,62 @@ density = 1000.0
     );
 }
 
+/// Pairs, probes and exclusions of bodies between which there is no contact are refused, with the key and the reason.
+#[test]
+fn contact_of_bodies_that_do_not_meet() {
+    let rigids = r#"
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+position = [0.0, 0.0, -1.0]
+fixed = true
+[[rigid]]
+name = "wall"
+shape = { kind = "box", size = [0.1, 0.1, 0.1] }
+position = [0.0, 0.0, 9.0]
+fixed = true
+[[rigid]]
+name = "weight"
+mass = 1.0
+inertia = [1, 1, 1]
+position = [0.0, 0.0, 5.0]
+"#;
+    let with = |contact: &str| format!("{GOOD}{rigids}[contact]\n{contact}\n");
+    let pair = |[a, b]: [&str; 2]| format!("[[contact.pair]]\nbetween = [\"{a}\", \"{b}\"]\nfriction = 0.5");
+    let probe = |[a, b]: [&str; 2]| {
+        format!("[[probe]]\nname = \"p\"\nbetween = [\"{a}\", \"{b}\"]\nsum = \"contact_force\"")
+    };
+    for (bodies, reason) in [
+        (["floor", "floor"], "does not meet itself"),
+        (["weight", "beam"], "'weight' has no shape"),
+        (["floor", "wall"], "is prescribed"),
+    ] {
+        refused(&with(&pair(bodies)), &["contact.pair[0].between", reason, "remove this pair"]);
+    }
+    refused(
+        &with(&format!("self = false\n{}", pair(["beam", "beam"]))),
+        &["contact.pair[0].between", "`contact.self` is false", "remove this pair"],
+    );
+    for (bodies, reason) in [
+        (["beam", "beam"], "cancel"),
+        (["weight", "beam"], "'weight' has no shape"),
+        (["wall", "floor"], "is prescribed"),
+    ] {
+        refused(&with(&probe(bodies)), &["probe[0].between", reason, "remove this probe"]);
+    }
+    refused(
+        &with(&format!("exclude = [[\"beam\", \"floor\"]]\n{}", probe(["floor", "beam"]))),
+        &["probe[0].between", "`contact.exclude`", "remove this probe"],
+    );
+    refused(&with("exclude = [[\"weight\", \"beam\"]]"), &["contact.exclude[0]", "has no shape"]);
+    refused(&with("[assert]\nsmallest_gap = -1.0"), &["assert.smallest_gap", "zero or positive"]);
+    for sound in
+        [pair(["beam", "beam"]), probe(["beam", "floor"]), "exclude = [[\"wall\", \"floor\"]]".into()]
+    {
+        assert_eq!(Program::check(&with(&sound)).code(), Some(0), "{sound}");
+    }
+}
+
 /// Keys of motion are refused in search of equilibria, each by its name.
 #[test]
 fn keys_of_motion_with_statics() {
