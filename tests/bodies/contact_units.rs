@@ -137,12 +137,12 @@ fn small_bodies_take_the_work_of_large_ones() {
     let unit = 1.0 / 128.0;
     for scheme in ["energy-momentum", "backward-euler", "stormer-verlet"] {
         let [large, small] = [1.0, unit].map(|unit| Program::run(&blows(scheme, unit)));
-        assert_eq!(large.report()["work"], small.report()["work"], "{scheme}");
-        assert_eq!(
-            large.report()["substeps"]["substeps"],
-            small.report()["substeps"]["substeps"],
-            "{scheme}"
-        );
+        for (name, part) in [("searches", 0.0), ("newton_iterations", 0.02), ("path_checks", 0.02)] {
+            let [a, b] = [&large, &small].map(|run| run.report()["work"][name].as_f64().unwrap());
+            assert!((a - b).abs() <= part * a, "{scheme}, {name}: {a} and {b}");
+        }
+        let [a, b] = [&large, &small].map(|run| run.report()["substeps"]["substeps"].clone());
+        assert_eq!(a, b, "{scheme}");
         let (of_large, of_small) = (large.history(), small.history());
         assert!(of_large.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
         for (name, unit) in [("crate.x", unit), ("can.z", unit), ("kinetic", unit.powi(5))] {
