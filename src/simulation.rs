@@ -9,6 +9,7 @@ mod contact_fields;
 mod contact_report;
 mod crossing;
 mod failure;
+mod inertia;
 mod march;
 pub mod matrices;
 mod measure;
@@ -283,6 +284,7 @@ impl Simulation {
         };
         simulation.tell_of_contact();
         simulation.tell_of_passing();
+        simulation.tell_of_inertia();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }

@@ -1,5 +1,5 @@
-//! Lanczos' method for the highest frequency ω = √λ_max of an operator that is symmetric in an inner product. It needs only
-//! products of the operator with vectors, and keeps two of its vectors.
+//! Lanczos' method for the highest frequency ω = √λ_max of an operator that is symmetric in an inner product, roughly and from above,
+//! and for λ_max to round-off. It needs only products of the operator with vectors, and keeps two of its vectors.
 
 use nalgebra::DMatrix;
 
@@ -8,6 +8,16 @@ use crate::vectors;
 
 /// Largest number of Lanczos vectors.
 const MAX_ITERATIONS: u32 = 120;
+/// Number of Lanczos vectors at the first look at λ_max to round-off, and the factor between looks.
+const FIRST_LOOK: usize = 16;
+const NEXT_LOOK: f64 = 1.25;
+/// Relative change of λ_max between two looks below which it is known. The error falls geometrically with the number of vectors, so
+/// it is then far below this.
+const SETTLED: f64 = 1e-13;
+/// Relative norm of the last vector below which the others span all that the start contains.
+const CLOSED: f64 = 1e-13;
+/// Largest number of vectors of such a search. The number grows with the largest number of nodes along a line.
+const MOST_VECTORS: usize = 4000;
 
 /// An estimate of the highest frequency about a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,20 +49,84 @@ pub(crate) fn highest(
     n: usize,
     accuracy: f64,
 ) -> Result<HighestFrequency, SolverError> {
+    let mut matrix = Tridiagonal::new(n);
+    iterate(operator, n, |alpha, beta| matrix.enter(alpha, beta, accuracy))
+}
+
+/// Returns the largest eigenvalue of an operator on n > 0 unknowns to round-off: it does not depend on the start vector, and so not on
+/// the numbering of the unknowns.
+///
+/// # Errors
+/// Returns the errors of the products.
+pub(crate) fn largest_eigenvalue(
+    operator: &mut impl SymmetricOperator,
+    n: usize,
+) -> Result<f64, SolverError> {
+    let (mut diagonal, mut off_diagonal) = (Vec::new(), Vec::new());
+    let (mut look, mut size, mut last) = (FIRST_LOOK, 0.0_f64, f64::NEG_INFINITY);
+    iterate(operator, n, |alpha, beta| {
+        diagonal.push(alpha);
+        size = size.max(alpha.abs() + beta);
+        let (count, is_closed) = (diagonal.len(), beta.is_nan() || beta <= CLOSED * size);
+        let mut found = None;
+        if count >= look || is_closed || count == MOST_VECTORS {
+            let value = largest_of_tridiagonal(&diagonal, &off_diagonal);
+            let is_settled = value - last <= SETTLED * value.abs();
+            found = (is_settled || is_closed || count == MOST_VECTORS).then_some(value);
+            (look, last) = ((NEXT_LOOK * count as f64).ceil() as usize, value);
+        }
+        off_diagonal.push(beta);
+        found
+    })
+}
+
+/// Makes iterations from the same start vector in every run, until `enter` returns a result for the diagonal entry α of an iteration
+/// and the norm β of its last vector.
+fn iterate<R>(
+    operator: &mut impl SymmetricOperator,
+    n: usize,
+    mut enter: impl FnMut(f64, f64) -> Option<R>,
+) -> Result<R, SolverError> {
     let (mut previous, mut next) = (vec![0.0; n], vec![0.0; n]);
     let mut current: Vec<f64> = (0..n as u64).map(noise).collect();
     operator.normalize(&mut current);
-    let mut matrix = Tridiagonal::new(n);
+    let mut beta = 0.0;
     loop {
         operator.apply(&current, &mut next)?;
-        let (alpha, beta) = (operator.product(&next, &current), matrix.beta);
+        let alpha = operator.product(&next, &current);
         vectors::update(&mut next, |k, next| *next -= alpha * current[k] + beta * previous[k]);
-        let beta = operator.normalize(&mut next);
-        if let Some(found) = matrix.enter(alpha, beta, accuracy) {
+        beta = operator.normalize(&mut next);
+        if let Some(found) = enter(alpha, beta) {
             return Ok(found);
         }
         std::mem::swap(&mut previous, &mut current);
         std::mem::swap(&mut current, &mut next);
+    }
+}
+
+/// Returns the largest eigenvalue of a symmetric tridiagonal matrix T by bisection: x is above all eigenvalues if all pivots of
+/// x I − T are positive.
+fn largest_of_tridiagonal(diagonal: &[f64], off_diagonal: &[f64]) -> f64 {
+    let is_above = |x: f64| {
+        let mut pivot = f64::INFINITY;
+        diagonal.iter().enumerate().all(|(k, alpha)| {
+            let beta = if k > 0 { off_diagonal[k - 1] } else { 0.0 };
+            pivot = x - alpha - beta * beta / pivot;
+            pivot > 0.0
+        })
+    };
+    let radius = |k: usize| {
+        let beta = |k: usize| off_diagonal.get(k).copied().unwrap_or(0.0);
+        beta(k) + if k > 0 { beta(k - 1) } else { 0.0 }
+    };
+    let mut low = diagonal.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let mut high = (0..diagonal.len()).map(|k| diagonal[k] + radius(k)).fold(low, f64::max);
+    loop {
+        let middle = low + 0.5 * (high - low);
+        if !(low < middle && middle < high) {
+            return high;
+        }
+        (low, high) = if is_above(middle) { (low, middle) } else { (middle, high) };
     }
 }
 

@@ -189,6 +189,21 @@ fn every_wave_of_a_bar_has_the_frequency_of_the_polynomial() {
     }
 }
 
+/// The polynomial is that of the highest eigenvalue of the bar, 4k/m, to round-off: no start of a search and no numbering enters the
+/// motion.
+#[test]
+fn the_polynomial_is_that_of_the_highest_eigenvalue() {
+    for springs in [1, 2, 5, 40, 200] {
+        let (_, filter) = bar(springs);
+        let exact = MassFilter::new(&Coordinates::all_free(3), &[1.0; 3], &[]);
+        let exact = exact.with_highest(4.0 * STIFFNESS / MASS);
+        for lambda in [0.1, 1.0, 6.0] {
+            let (found, wanted) = (filter.factor(lambda), exact.factor(lambda));
+            assert!((found - wanted).abs() < 1e-11, "{springs} springs, λ = {lambda}: {found} {wanted}");
+        }
+    }
+}
+
 #[test]
 fn the_limit_is_that_of_the_highest_filtered_wave() {
     let springs = 40;
