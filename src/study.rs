@@ -3,6 +3,7 @@
 
 pub mod bench;
 pub mod convergence;
+mod hinged;
 pub mod modes;
 #[cfg(feature = "cli")]
 pub mod stress;

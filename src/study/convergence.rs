@@ -21,6 +21,7 @@ use crate::run::RunError;
 use crate::run::provenance::Provenance;
 use crate::scene::{Load, MassKind, Problem, Refine, Scene, SpringEnd};
 use crate::simulation::{Observation, Simulation};
+use crate::study::hinged::hinge_notes;
 use crate::study::modes::scene_modes;
 
 pub use extrapolate::{Extrapolation, Verdict, extrapolate};
@@ -228,7 +229,7 @@ pub fn convergence(
         scheme: moves.then(|| choice.label()),
         formal_order: moves.then_some(facts.order),
         estimates: estimates(&studies),
-        notes: locking.iter().map(|body| locking_note(body)).collect(),
+        notes: locking.iter().map(|body| locking_note(body)).chain(hinge_notes(&scene)).collect(),
         studies,
     })
 }

@@ -17,6 +17,7 @@ use crate::run::provenance::Provenance;
 use crate::run::{RunError, inputs_among};
 use crate::scene::{MassKind, Problem, Scene, Schedule};
 use crate::simulation::Simulation;
+use crate::study::hinged::hinge_notes;
 
 pub use found::{SceneMode, SceneModes};
 pub use report::{ModeFacts, ModesReport};
@@ -103,7 +104,9 @@ pub fn write_modes(
     let mut simulation = Simulation::new(stand_in(&scene)).map_err(RunError::Scene)?;
     let found = scene_modes(&mut simulation, count, wanted)?;
     let provenance = Provenance::new(name, simulation.free_coordinates());
-    let report = ModesReport::new(provenance, wanted, &found).with_notes(notes(&simulation, &found, count));
+    let mut notes = notes(&simulation, &found, count);
+    notes.extend(hinge_notes(simulation.scene()));
+    let report = ModesReport::new(provenance, wanted, &found).with_notes(notes);
     let output = |path: &Path| {
         let path = path.to_owned();
         move |source| RunError::Output { path, source }

@@ -115,3 +115,35 @@ fn statics_and_modes_are_studied_in_space() {
     let (code, _, errors) = study(&scene, &["--time"]);
     assert!(code == 2 && errors.contains("no time study"), "{errors}");
 }
+
+/// Angular springs on edges do not converge to a plate: where their numbers are compared, a note says so and names what does.
+#[test]
+fn hinges_are_said_not_to_converge_to_a_plate() {
+    let plate = |bending: &str| {
+        format!(
+            r#"
+            [time]
+            end = 1.0
+            step = 1.0
+            scheme = "implicit-midpoint"
+            [[body]]
+            name = "plate"
+            sheet = {{ size = [1.0, 1.0], cells = [2, 2] }}
+            material = {{ law = "st-venant-kirchhoff", young = 1e9, poisson = 0.3, area_density = 10.0, thickness = 0.01, bending = "{bending}" }}
+            [[fix]]
+            body = "plate"
+            region = "x-min"
+            "#
+        )
+    };
+    for (bending, is_told) in [("hinge", true), ("shell", false)] {
+        let (code, report, errors) = study(&plate(bending), &["--modes", "1", "--levels", "2"]);
+        assert_eq!(code, 0, "{errors}");
+        let notes = report["notes"].to_string();
+        assert_eq!(
+            notes.contains("not to a plate") && notes.contains("shell"),
+            is_told,
+            "{bending}: {notes}"
+        );
+    }
+}
