@@ -216,27 +216,27 @@ impl ConstraintForces {
         mut solve: impl FnMut(&mut [f64]) -> Result<(Vec<f64>, Solved), SolverError>,
     ) -> Result<Solved, SolverError> {
         let (start, kept) = (q.to_vec(), self.holds());
-        let mut first = self.rounds(|| solve(q));
+        let mut best = self.rounds(|| solve(q));
         let mut reached = (q.to_vec(), self.holds());
         for attempt in 1..MOST_ATTEMPTS {
-            let is_interrupted = first.as_ref().is_err_and(SolverError::is_interruption);
-            if !self.is_by_loads
-                || is_interrupted
-                || first.as_ref().is_ok_and(|solved| solved.stayed_definite)
-            {
+            let is_final = match &best {
+                Ok(solved) => solved.stayed_definite,
+                Err(error) => error.is_interruption(),
+            };
+            if is_final || !self.is_by_loads {
                 break;
             }
             q.copy_from_slice(&start);
             let factor = MUCH_STIFFER.powi(attempt as i32);
             self.hold_with(kept.iter().map(|hold| Hold { stiffness: factor * hold.stiffness, ..*hold }));
             let next = self.rounds(|| solve(q));
-            if next.as_ref().is_ok_and(|solved| solved.stayed_definite || first.is_err()) {
-                (first, reached) = (next, (q.to_vec(), self.holds()));
+            if next.as_ref().is_ok_and(|solved| solved.stayed_definite || best.is_err()) {
+                (best, reached) = (next, (q.to_vec(), self.holds()));
             }
         }
         q.copy_from_slice(&reached.0);
-        self.hold_with(if first.is_ok() { reached.1 } else { kept }.into_iter());
-        first
+        self.hold_with(if best.is_ok() { reached.1 } else { kept }.into_iter());
+        best
     }
 
     fn holds(&self) -> Vec<Hold> {

@@ -12,8 +12,9 @@ pub(super) const FAR: f64 = 8.0;
 /// Reach of a region for the iterates of a step, as a fraction of its path.
 const ITERATES: f64 = 0.05;
 
-/// The configurations for which stencils were requested, as places of nodes ([`vi_core::Coordinates::places`]): every node is within `reach` (m) of the same part of its straight path,
-/// which begins at `about` (m) and leads along `motion` (m). The motion is empty if the path is one place.
+/// The configurations for which stencils were requested, as places of nodes ([`vi_core::Coordinates::places`]): every node is within
+/// `reach` (m) of the same part of its straight path, which begins at `about` (m) and leads along `motion` (m). The motion is empty if
+/// the path is one place.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Region {
     pub(super) about: Vec<f64>,
