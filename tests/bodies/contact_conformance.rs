@@ -8,7 +8,7 @@ use crate::program::Program;
 
 /// A scheme with the largest relative error of energy that is accepted, its step, and whether it takes free rigid bodies. The error
 /// is round-off of the solves with `energy-momentum`, and the band of the scheme for the others. Schemes for comparison have no
-/// band: they lose energy in a blow.
+/// band: `backward-euler` loses energy in a blow, and a run by `bdf2` may gain some in one of few steps, and then says so.
 const SCHEMES: [(&str, Option<f64>, &str, bool); 7] = [
     ("energy-momentum", Some(1e-8), "1e-3", true),
     ("implicit-midpoint", Some(5e-2), "1e-3", true),
@@ -92,7 +92,12 @@ fn every_body_keeps_its_energy_and_momentum_under_every_scheme() {
             assert!(gap.is_finite() && gap > 0.0, "{kind} {scheme}: no contact");
             match bound {
                 Some(bound) => assert!(energy < bound, "{kind} {scheme}: energy {energy:e}"),
-                None => assert!(total[total.len() - 1] < total[0], "{kind} {scheme}: gained"),
+                None => {
+                    let has_gained = total[total.len() - 1] > total[0];
+                    let notes = one.report()["notes"].to_string();
+                    let is_told = scheme == "bdf2" && notes.contains("the energy grew without a source");
+                    assert!(!has_gained || is_told, "{kind} {scheme}: gained, {notes}");
+                }
             }
             assert!(momentum < 1e-10, "{kind} {scheme}: momentum {momentum:e}");
         }

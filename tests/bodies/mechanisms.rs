@@ -55,17 +55,17 @@ fn adaptive_steps_follow_the_turns_of_a_mechanism() {
     }
 }
 
-/// `energy-momentum` keeps the energy of joined bodies to round-off, also if they turn by .3 rad in a step, with three to five
+/// `energy-momentum` keeps the energy of joined bodies to round-off, also if they turn by .2 rad in a step, with three to five
 /// iterations per step.
 #[test]
 fn joints_keep_energy_to_round_off_at_large_turns() {
     let step = "end = 5.0\nscheme = \"energy-momentum\"\nstep = 1e-2";
     // The spin about the axis of the rod leaves the hinge, so it is taken along the axis of the hinge.
-    let report = spun_double_pendulum(step, [0.0, 20.0, 20.0], 1e-8).report();
+    let report = spun_double_pendulum(step, [0.0, 12.0, 12.0], 1e-8).report();
     let drift = report["energy"]["relative_drift"].as_f64().unwrap().abs();
     assert!(drift < 1e-13, "{drift:e}");
-    let count = |name: &str| report["counts"][name].as_u64().unwrap();
-    assert!(count("newton_iterations") < 6 * count("steps"), "{}", report["counts"]);
+    let count = |name: &str| report["work"][name].as_u64().unwrap();
+    assert!(count("newton_iterations") < 6 * count("steps"), "{}", report["work"]);
 }
 
 /// The cost of an iteration grows with the number of links of a chain, not with its cube: factors of the complete tangent are sparse.
@@ -93,7 +93,7 @@ body = "l{i}"
         r#"
 gravity = [0.0, -9.81, 0.0]
 [time]
-end = 0.1
+end = 0.4
 step = 5e-3
 scheme = "energy-momentum"
 {links}
@@ -102,9 +102,9 @@ history = 1
 "#
     ))
     .report();
-    assert!(report["energy"]["relative_drift"].as_f64().unwrap().abs() < 1e-13);
+    let drift = report["energy"]["relative_drift"].as_f64().unwrap().abs();
+    assert!(drift < 1e-13, "{drift:e}");
     // Elimination of dense multipliers makes one solve with the model per multiplier and step.
-    let (solves, steps) =
-        (report["counts"]["solves"].as_u64().unwrap(), report["counts"]["steps"].as_u64().unwrap());
-    assert!(solves <= 6 * steps, "{}", report["counts"]);
+    let count = |name: &str| report["work"][name].as_u64().unwrap();
+    assert!(count("solves") <= 6 * count("steps"), "{}", report["work"]);
 }

@@ -140,7 +140,9 @@ fn the_momentum_is_the_impulse_with_every_mass() {
             let mut simulation = Simulation::new(scene).unwrap();
             let (seen, what) = (simulation.observe(), format!("{mass} {a} {held} {on:?}"));
             assert_near(seen.momentum, IMPULSE, &what);
-            assert!(simulation.notes().is_empty(), "{what}: {:?}", simulation.notes());
+            // A filtered mass of few elements is told, and no strike is.
+            let is_of_strike = |note: &String| note.contains("strike");
+            assert!(!simulation.notes().iter().any(is_of_strike), "{what}: {:?}", simulation.notes());
             if on == Selection::region("box") {
                 assert!((seen.kinetic - 14.0 / 40.0).abs() < 1e-12, "{what}: {}", seen.kinetic);
             }
