@@ -99,6 +99,8 @@ scheme = "energy-momentum"
 {links}
 [output]
 history = 1
+[solver]
+tolerance = 1e-9
 "#
     ))
     .report();
