@@ -69,6 +69,8 @@ pub(super) const STRIDE: u64 = 16;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Watching {
     pub(crate) rule: Guard,
+    /// Whether the scene states the bound, which is then kept from the third step on.
+    pub(crate) is_stated: bool,
     /// Steps between observations, or between looks at the kinetic energy, if it may act.
     pub(crate) stride: u64,
     /// Relative growth of which it warns.
@@ -80,6 +82,7 @@ pub(crate) struct Watching {
 /// Monitors the energy of a run.
 pub(crate) struct EnergyGuard {
     pub(crate) rule: Guard,
+    is_stated: bool,
     stride: u64,
     warns_above: f64,
     watches_motion: bool,
@@ -95,10 +98,20 @@ impl EnergyGuard {
     /// Makes the guard of a scheme of order `order` at the first observation. Below the energy `resolution` (J)
     /// round-off dominates.
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
-        let Watching { rule, stride, warns_above, watches_motion } = watching;
+        let Watching { rule, is_stated, stride, warns_above, watches_motion } = watching;
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { rule, stride, warns_above, watches_motion, growth, events: Vec::new(), resolution, order }
+        Self {
+            rule,
+            is_stated,
+            stride,
+            warns_above,
+            watches_motion,
+            growth,
+            events: Vec::new(),
+            resolution,
+            order,
+        }
     }
 
     /// Returns whether the guard looks at the state after this step in order to act.
@@ -153,11 +166,13 @@ impl EnergyGuard {
     ///
     /// What a body that starts from rest has exchanged grows as t² at first, but the error of its energy, of h^p, is there after one
     /// step: relative to the exchange it is about 1/n^p after n steps of a scheme of order p. An unstable step multiplies the energy
-    /// by a factor each time, so it soon exceeds this too. Schemes of order 1 are not judged before 4/n is below the bound.
+    /// by a factor each time, so it soon exceeds this too. Schemes of order 1 are not judged before 4/n is below the bound. A bound that
+    /// the scene states is kept as it is by others.
     fn allowed(&self, steps: u64) -> Option<f64> {
         let error = 4.0 / (steps as f64).powi(self.order.max(1) as i32);
         match self.order {
             0 | 1 => (error <= self.rule.bound).then_some(self.rule.bound),
+            _ if self.is_stated => (steps > 2).then_some(self.rule.bound),
             _ => (steps > 2).then_some(self.rule.bound.max(error)),
         }
     }

@@ -152,7 +152,7 @@ impl Run {
         let observers = Observers {
             ledger: LedgerKeeper::new(&first, resolution),
             guard: EnergyGuard::new(
-                Watching { rule, stride, warns_above, watches_motion },
+                Watching { rule, is_stated: scene.guard.is_some(), stride, warns_above, watches_motion },
                 method.order,
                 &first,
                 resolution,
