@@ -24,11 +24,12 @@ impl<R: Rule> StageEquations<'_, R> {
     }
 
     /// Returns whether all bodies are rigid, and constraints act along directions of the stage. The symmetric model omits the curvature of
-    /// the constraints then, while the complete tangent is small and sparse.
+    /// the constraints then, while the complete tangent is small and sparse. It lacks those of live terms that do not list pairs.
     pub(super) fn is_mechanism(&self) -> bool {
         let follows_stage = self.rule.multiplier_directions() == Some(MultiplierDirections::Stage);
         let is_rigid = self.stage.multipliers.as_ref().is_some_and(Multipliers::read_all);
-        follows_stage && is_rigid && self.complete_size().is_some()
+        let is_listed = self.system.terms().live().iter().all(|term| term.lists_pairs());
+        follows_stage && is_rigid && is_listed && self.complete_size().is_some()
     }
 
     /// Shortens the change `delta` of w, node by node, until no pair meets on the path of the end of the step from that
