@@ -8,6 +8,7 @@ mod contact_bounces;
 mod contact_cases;
 mod contact_conformance;
 mod contact_failures;
+mod contact_impulses;
 mod contact_planes;
 mod contact_prescribed;
 mod contact_resolved;

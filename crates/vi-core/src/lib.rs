@@ -11,7 +11,7 @@ pub use contract::acting::{Acting, Rubbing};
 pub use contract::combination::{Combination, TiedMass, redistribute_lumped_mass};
 pub use contract::conserved::{angular_momentum, angular_momentum_at, kinetic_energy, linear_momentum};
 pub use contract::coordinates::{Coordinates, Fixed, Path, Prescribed};
-pub use contract::damper::Damper;
+pub use contract::damper::{Damper, DryFriction, EndForces};
 pub use contract::discrete_gradient::{DiscreteGradient, Impulse, StepOutcome, StepSpan};
 pub use contract::disjoint_sets::DisjointSets;
 pub use contract::elsewhere::Elsewhere;

@@ -5,13 +5,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Acting, Damper, DiscreteGradient, HessianKind, Live, Potential, Stencils, StepOutcome, StepSpan,
-    Traits, Tube, packed_len,
+    Account, Acting, DiscreteGradient, EndForces, HessianKind, Live, Potential, Stencils, StepOutcome,
+    StepSpan, Traits, Tube, packed_len,
 };
 
 use super::acting::{Sliding, pressing};
 use super::book::Book;
-use super::damping::TangentialDampers;
+use super::damping::EndBristle;
 use super::lagged::LaggedFriction;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
@@ -286,21 +286,23 @@ impl DiscreteGradient for RollingPotential {
         Some(Arc::new(Self { step, ..self.clone() }))
     }
 
-    fn dampers(&self, x: &[f64], velocity: &[f64], out: &mut Vec<Damper>) {
+    fn end_forces(&self, x: &[f64], _velocity: &[f64], out: &mut EndForces) {
         let (Some(step), contact) = (&self.step, self.contact.contact()) else { return };
         self.for_each(0..self.candidates.len(), [x, x], |stencil, pair| {
-            let Some(law) = contact.law_of(pair.partners).filter(|_| !pair.slid) else { return };
-            let nodes = &self.nodes[ARITY * stencil..ARITY * (stencil + 1)];
+            let Some(law) = contact.law_of(pair.partners) else { return };
             let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
-            let dampers = TangentialDampers {
+            let bristle = EndBristle {
+                partners: pair.partners,
                 bodies: self.contact.surface().bodies_of(pair.partners),
-                nodes,
+                nodes: &self.nodes[ARITY * stencil..ARITY * (stencil + 1)],
                 along: [&along[0], &along[1]],
                 on_first: pair.tangents,
-                coefficient: step.settings.coefficient_at_end(pair.held.stiffness, law.damping),
-                reserve: law.friction * pair.pressing - pair.held.traction.norm(),
+                stiffness: pair.held.stiffness,
+                traction: pair.held.components,
+                pressing: pair.pressing,
+                slid: pair.slid,
             };
-            dampers.add(velocity, out);
+            out.friction.extend(bristle.friction(&step.settings, &law));
         });
     }
 

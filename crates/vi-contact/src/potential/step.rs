@@ -4,7 +4,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vi_core::{Acting, Damper, DiscreteGradient, StepOutcome, StepSpan, packed_len};
+use vi_core::{Acting, DiscreteGradient, EndForces, StepOutcome, StepSpan, packed_len};
 
 use super::book::Book;
 use super::{ContactPotential, PACKED, SIZE, add_packed};
@@ -174,8 +174,8 @@ impl DiscreteGradient for ContactPotential {
         Some(Arc::new(Self { step, ..self.clone() }))
     }
 
-    fn dampers(&self, x: &[f64], velocity: &[f64], out: &mut Vec<Damper>) {
-        self.add_dampers(x, velocity, out);
+    fn end_forces(&self, x: &[f64], velocity: &[f64], out: &mut EndForces) {
+        self.add_end_forces(x, velocity, out);
     }
 
     fn outcome(&self, start: &[f64], end: &[f64]) -> StepOutcome {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use crate::support::{Numbers, sheets_half_a_layer_apart};
 use vi_contact::{AT_END, ContactPotential};
-use vi_core::{Damper, DiscreteGradient, Potential, StepSpan};
+use vi_core::{Damper, DiscreteGradient, EndForces, Potential, StepSpan};
 
 const TAU: f64 = 1e-2;
 const H: f64 = 1e-3;
@@ -33,9 +33,16 @@ fn after(
     velocity: &[f64],
 ) -> Vec<Damper> {
     let over = contact.over_step(span, memory).expect("damping acts over a step");
-    let mut dampers = Vec::new();
-    over.dampers(x, velocity, &mut dampers);
-    dampers
+    let mut forces = EndForces::default();
+    over.end_forces(x, velocity, &mut forces);
+    // Those of friction have the coefficients of these rates, as if no damper pressed.
+    let of_friction = forces.friction.iter().flat_map(|friction| {
+        let rates = friction.along.each_ref().map(|damper| damper.rate(velocity));
+        let coefficient = friction.coefficient_at(rates[0].hypot(rates[1]), 0.0);
+        friction.along.each_ref().map(|damper| Damper { coefficient, ..damper.clone() })
+    });
+    let all = forces.dampers.iter().cloned().chain(of_friction);
+    all.filter(|damper| damper.coefficient > 0.0).collect()
 }
 
 /// The velocity field in which the upper sheet moves with `v`.

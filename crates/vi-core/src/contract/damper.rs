@@ -1,9 +1,11 @@
-//! Dampers that act on velocities.
+//! Dampers and dry friction that act on velocities.
 
 /// A damper between two parts of a system at one instant. It resists the rate a = Σ b_n·ẋ_n (m/s) with the forces −c a b_n on
 /// its nodes n.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Damper {
+    /// Number of the pair that it belongs to, as in [`Rubbing::pair`](crate::Rubbing::pair).
+    pub pair: u64,
     /// c, N s/m; never negative.
     pub coefficient: f64,
     /// The nodes n with b_n.
@@ -31,4 +33,59 @@ impl Damper {
             (0..3).for_each(|k| out[first + k] += factor * b[k]);
         }
     }
+}
+
+/// Dry friction of a pair at the end of a step, next to the force F (N) by which dampers press the pair there. It resists the rates a₁
+/// and a₂ (m/s) of slip along two tangents as two dampers with the same coefficient c would, where c is the largest with
+/// ```text
+/// c ≤ coefficient   and   c |(a₁, a₂)| ≤ reserve + μ F.
+/// ```
+/// F is negative if dampers hold a pair back that opens. If it slid, its traction over the step was too large then by −μ F, and this
+/// much is taken back.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DryFriction {
+    /// The dampers of slip along both tangents, without coefficients.
+    pub along: [Damper; 2],
+    /// N s/m: that of a bristle if the pair sticks, infinite if it slides.
+    pub coefficient: f64,
+    /// The force that the traction over the step leaves of Coulomb's limit, N.
+    pub reserve: f64,
+    /// Coefficient of friction μ.
+    pub friction: f64,
+    /// Force that presses the pair over the step, N.
+    pub pressing: f64,
+    /// Components along both tangents of the direction in which the traction over the step drove the second part of a pair that slid.
+    pub direction: [f64; 2],
+}
+
+impl DryFriction {
+    /// Returns whether the pair slides.
+    pub fn slides(&self) -> bool {
+        self.coefficient.is_infinite()
+    }
+
+    /// Returns the forces along both tangents, N, that take back traction at the force F (N).
+    pub fn taken_back(&self, pressing: f64) -> [f64; 2] {
+        let size = if self.slides() { (-self.friction * pressing).max(0.0) } else { 0.0 };
+        self.direction.map(|part| size * part)
+    }
+
+    /// Returns c, N s/m, at the rate of slip |(a₁, a₂)| (m/s) and the force F (N); 0 for a pair that slides without rate.
+    pub fn coefficient_at(&self, rate: f64, pressing: f64) -> f64 {
+        let limit = (self.reserve + self.friction * pressing).max(0.0);
+        match (rate == 0.0, self.slides()) {
+            (true, true) => 0.0,
+            (true, false) => self.coefficient,
+            (false, _) => self.coefficient.min(limit / rate),
+        }
+    }
+}
+
+/// What acts on velocities at the end of a step.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct EndForces {
+    /// Dampers of gaps.
+    pub dampers: Vec<Damper>,
+    /// Friction of the pairs that they press.
+    pub friction: Vec<DryFriction>,
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::acting::Acting;
-use super::damper::Damper;
+use super::damper::EndForces;
 
 /// A discrete gradient G(x₀, x₁) of a potential V, one G_s per stencil s, with the property
 /// ```text
@@ -33,10 +33,10 @@ pub trait DiscreteGradient: Send + Sync {
         None
     }
 
-    /// Appends the dampers at the end of a step, at the positions x (m) and velocities (m/s) of all coordinates. The term is that
+    /// Appends what acts on velocities at the end of a step, at the positions x (m) and velocities (m/s) of all coordinates. The term is that
     /// of [`DiscreteGradient::over_step`] with the memory of the end of the step, and a span that
     /// [damps the end](StepSpan::damps_end).
-    fn dampers(&self, _x: &[f64], _velocity: &[f64], _out: &mut Vec<Damper>) {}
+    fn end_forces(&self, _x: &[f64], _velocity: &[f64], _out: &mut EndForces) {}
 
     /// Returns the work and the memory of the dissipative forces for a step from `start` to `end`.
     fn outcome(&self, _start: &[f64], _end: &[f64]) -> StepOutcome {
@@ -53,7 +53,7 @@ pub struct StepSpan {
     /// Whether forces act with the values that they have at the end x₁, as in backward Euler: ∂V/∂x(x₁), and the friction that slip
     /// from x₀ to x₁ leaves there. If not, they act between x₀ and x₁ by G.
     pub acts_at_end: bool,
-    /// Whether the scheme applies [`DiscreteGradient::dampers`] to the velocities at the end of the step. If not, all damping acts
+    /// Whether the scheme applies [`DiscreteGradient::end_forces`] to the velocities at the end of the step. If not, all damping acts
     /// over the step.
     pub damps_end: bool,
 }

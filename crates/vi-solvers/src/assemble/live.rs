@@ -13,7 +13,7 @@ mod stencils;
 
 use std::sync::Arc;
 
-use vi_core::{Acting, Damper, Impulse, Potential, StepOutcome, StepSpan, Terms, Tube};
+use vi_core::{Acting, EndForces, Impulse, Potential, StepOutcome, StepSpan, Terms, Tube};
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
@@ -177,10 +177,10 @@ impl LiveSum {
         self.passage.close(near.map_or(&[], |near| &near.discrete), start, end)
     }
 
-    /// Returns the dampers at the end of the step that was closed last; see [`Passage::dampers`].
-    pub(crate) fn dampers(&self, x: &[f64], velocity: &[f64]) -> Vec<Damper> {
+    /// Returns what acts at the end of the step that was closed last; see [`Passage::end_forces`].
+    pub(crate) fn end_forces(&self, x: &[f64], velocity: &[f64]) -> EndForces {
         let near = self.near.as_ref().filter(|near| near.parts.is_some());
-        self.passage.dampers(near.map_or(&[], |near| &near.discrete), x, velocity)
+        self.passage.end_forces(near.map_or(&[], |near| &near.discrete), x, velocity)
     }
 
     /// See [`Passage::add_impulses`].

@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vi_core::{
-    Account, Acting, Damper, DiscreteGradient, HessianKind, Impulse, Potential, Stencils, StepOutcome,
+    Account, Acting, DiscreteGradient, EndForces, HessianKind, Impulse, Potential, Stencils, StepOutcome,
     StepSpan, Traits,
 };
 
@@ -189,20 +189,20 @@ impl Passage {
         self.now.over_step(number, term)
     }
 
-    /// Returns the dampers at the end of the step that was closed last, at the positions and velocities of all coordinates.
-    pub(crate) fn dampers(
+    /// Returns what acts at the end of the step that was closed last, at the positions and velocities of all coordinates.
+    pub(crate) fn end_forces(
         &self,
         discrete: &[(usize, Arc<dyn Potential>)],
         x: &[f64],
         velocity: &[f64],
-    ) -> Vec<Damper> {
-        let mut dampers = Vec::new();
+    ) -> EndForces {
+        let mut forces = EndForces::default();
         for (number, term) in discrete {
             if let Some(over) = self.next.over_step(*number, term) {
-                over.dampers(x, velocity, &mut dampers);
+                over.end_forces(x, velocity, &mut forces);
             }
         }
-        dampers
+        forces
     }
 
     /// Adds impulses (N s) at the end of the step that was closed last.

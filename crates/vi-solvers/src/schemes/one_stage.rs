@@ -183,7 +183,7 @@ impl<R: Rule> OneStage<R> {
         Ok(())
     }
 
-    /// Lets the dampers of live terms act on the velocities at the end of the step.
+    /// Lets the dampers and the friction of live terms act on the velocities at the end of the step.
     fn damp_end(&mut self, system: &System, h: f64, energy: &mut StepEnergy) -> Result<(), SolverError> {
         let Self { evaluator, inertia, after, dv, manifold, .. } = self;
         let mut velocity = inertia.velocity(system, &after.p).to_vec(after.p.len());
@@ -192,21 +192,23 @@ impl<R: Rule> OneStage<R> {
         }
         let mut x_dot = vec![0.0; system.coordinates().dof_count()];
         system.coordinates().embed_velocity(&velocity, after.t, &mut x_dot);
-        let dampers = evaluator.dampers(&x_dot);
-        if dampers.is_empty() {
+        let forces = evaluator.end_forces(&x_dot);
+        if forces.dampers.is_empty() && forces.friction.is_empty() {
             return Ok(());
         }
         if let Some(manifold) = manifold {
             manifold.set_directions(system, &after.q, after.t);
         }
-        let ends = EndDampers { system, inertia, manifold: manifold.as_ref(), dampers: &dampers, t: after.t };
-        let damped = ends.damp(&velocity, x_dot, h, &mut evaluator.work)?;
+        let ends =
+            EndDampers { system, inertia, manifold: manifold.as_ref(), forces: &forces, t: after.t, h };
+        let damped = ends.damp(&velocity, &x_dot, &mut evaluator.work)?;
         after.p.iter_mut().zip(&damped.momentum).for_each(|(p, change)| *p += change);
         if inertia.matrix().is_some() {
             dv.iter_mut().zip(&damped.velocity).for_each(|(dv, change)| *dv += change);
         }
         evaluator.add_impulses(&damped.impulses);
         energy.contact_damping -= damped.dissipated;
+        energy.friction -= damped.friction;
         energy.prescribed += damped.prescribed;
         Ok(())
     }

@@ -1,6 +1,6 @@
 //! The live terms of an evaluator: they act between the ends of a step, and may remember earlier steps.
 
-use vi_core::{Damper, Impulse, Meeting, StepOutcome, StepSpan, System};
+use vi_core::{EndForces, Impulse, Meeting, StepOutcome, StepSpan, System};
 
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
@@ -256,10 +256,12 @@ impl Evaluator {
         Ok(live.close_step(start, end))
     }
 
-    /// Returns the dampers at the end of the step that was closed last, with the velocities of all coordinates there.
-    pub(crate) fn dampers(&mut self, x_dot: &[f64]) -> Vec<Damper> {
-        let (Some([_, end]), Some(live)) = (&self.ends, self.assembler.live()) else { return Vec::new() };
-        live.dampers(end, x_dot)
+    /// Returns what acts at the end of the step that was closed last, on the velocities of all coordinates there.
+    pub(crate) fn end_forces(&mut self, x_dot: &[f64]) -> EndForces {
+        let (Some([_, end]), Some(live)) = (&self.ends, self.assembler.live()) else {
+            return EndForces::default();
+        };
+        live.end_forces(end, x_dot)
     }
 
     /// Adds impulses (N s) at the end of the step that was closed last.
