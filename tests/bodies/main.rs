@@ -1,5 +1,6 @@
 //! Tests bodies and how they are joined: solids, sheets, rigid bodies, ties, contact, equilibria, vibrations.
 
+mod coming_to_rest;
 mod consistent_mass;
 mod contact;
 mod contact_adaptive;

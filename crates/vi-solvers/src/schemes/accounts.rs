@@ -49,6 +49,28 @@ fn power_on(term: &dyn Potential, x: &[f64], t: f64, x_dot: &[f64]) -> f64 {
     along.sum()
 }
 
+/// Adds ∂V/∂x of a term at (x, t), N.
+pub(crate) fn add_gradient(term: &dyn Potential, x: &[f64], t: f64, sum: &mut [f64]) {
+    let stencils = term.stencils();
+    let (count, block) = (stencils.count(), stencils.block);
+    let mut gradients = vec![0.0; count * stencils.size()];
+    term.gradients(0..count, x, t, &mut gradients);
+    let nodes = (0..count).flat_map(|stencil| stencils.of(stencil));
+    for (&node, gradient) in nodes.zip(gradients.chunks_exact(block)) {
+        let sum = &mut sum[node as usize * block..][..block];
+        sum.iter_mut().zip(gradient).for_each(|(sum, gradient)| *sum += gradient);
+    }
+}
+
+/// Returns the gradient of the terms that change with time at the last configuration of the evaluator, N.
+pub(crate) fn gradient_of_changing(system: &System, evaluator: &Evaluator) -> Vec<f64> {
+    let mut sum = vec![0.0; system.coordinates().dof_count()];
+    for term in changing(system) {
+        add_gradient(term, evaluator.positions(), evaluator.time(), &mut sum);
+    }
+    sum
+}
+
 /// Potential energy before and after a step, and the work of loads that change with time.
 ///
 /// The terms that change with time, C(x, t), take in ∫ ∂C/∂t dt = ΔC − ∫ ∂C/∂x·ẋ dt from outside. A scheme with several stages books
@@ -110,6 +132,11 @@ impl PotentialEnergies {
     pub(crate) fn add_work(&mut self, system: &System, evaluator: &Evaluator, duration: f64, x_dot: &[f64]) {
         let power = |term| power_on(term, evaluator.positions(), evaluator.time(), x_dot);
         self.work += duration * changing(system).map(power).sum::<f64>();
+    }
+
+    /// Adds work on the terms that change with time, J.
+    pub(crate) fn add(&mut self, work: f64) {
+        self.work += work;
     }
 
     /// Closes the step at (q, t), whose stages have booked the work on terms that change with time. Returns ΔV and the part of it

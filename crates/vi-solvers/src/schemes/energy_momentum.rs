@@ -25,12 +25,14 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::index::NONE;
+use crate::schemes::accounts;
 use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule, Trial};
 use parts::Parts;
 
 /// Number of stencils evaluated at once.
 const BATCH: usize = 512;
-/// An energy defect of a part counts as zero if it is below this many units of its round-off.
+/// An energy defect of a part counts as zero if it is below this many units of its round-off. A defect is of third order in d, so that
+/// λ d would only be round-off then, divided by |d|: of a body at rest, it would be larger than all other forces.
 const NOISE: f64 = 4.0;
 /// A part whose deformation is below this fraction of its coordinates and motion counts as rigid. The defect, of
 /// third order in the deformation, is then negligible, whereas the direction d would be round-off and λ unbounded.
@@ -50,6 +52,12 @@ pub(crate) struct EnergyMomentum {
     excess: Vec<[f64; 2]>,
     /// Energy of each stencil at the start of the step, J; empty for affine terms.
     before: Vec<Vec<f64>>,
+    /// Size of the change of each part's energy if its coordinates at the start change by their own size, J: the root of the sum of
+    /// (Σ |∂V_s/∂x| |x|)² over its stencils. Times ε, it is the round-off of the energy, which for small strains is much larger than ε V.
+    sensitivity: Vec<f64>,
+    /// See [`Rule::corrected_energy`] and [`Rule::correction_noise`].
+    corrected_energy: f64,
+    correction_noise: f64,
     /// Gradient of the affine terms, if coordinates belong to one part each.
     affine: Vec<f64>,
 }
@@ -70,6 +78,9 @@ impl EnergyMomentum {
             prescribed_work: 0.0,
             excess: Vec::new(),
             before: Vec::new(),
+            sensitivity: Vec::new(),
+            corrected_energy: 0.0,
+            correction_noise: 0.0,
             affine: vec![0.0; count],
         }
     }
@@ -78,17 +89,27 @@ impl EnergyMomentum {
     fn evaluate_start(&mut self, system: &System, t: f64) {
         self.before.resize_with(system.potentials().len(), Vec::new);
         self.affine.fill(0.0);
-        let start = &self.x_start;
+        self.sensitivity.clear();
+        self.sensitivity.resize(self.parts.count, 0.0);
+        let (start, mut squares) = (&self.x_start, Vec::new());
         for ((term, part_of), before) in
             system.potentials().iter().zip(&self.parts.of_stencils).zip(&mut self.before)
         {
             if !part_of.is_empty() {
                 before.resize(part_of.len(), 0.0);
                 in_batches(before, |first, out| term.energies(first..first + out.len(), start, t, out));
+                squares.resize(part_of.len(), 0.0);
+                in_batches(&mut squares, |first, out| {
+                    squares_of_sensitivity(term.as_ref(), first, start, t, out)
+                });
+                for (square, part) in squares.iter().zip(part_of).filter(|(_, part)| **part != NONE) {
+                    self.sensitivity[*part as usize] += square;
+                }
             } else if !self.parts.share_coordinates {
-                add_gradient(term.as_ref(), start, t, &mut self.affine);
+                accounts::add_gradient(term.as_ref(), start, t, &mut self.affine);
             }
         }
+        self.sensitivity.iter_mut().for_each(|sum| *sum = sum.sqrt());
     }
 
     /// Sums V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx over the stencils of each part.
@@ -155,17 +176,19 @@ fn changes_of(
     }
 }
 
-/// Adds the gradient of a term.
-fn add_gradient(term: &dyn Potential, x: &[f64], t: f64, sum: &mut [f64]) {
+/// Writes (Σ |∂V_s/∂x| |x|)² of the stencils from `first` on.
+fn squares_of_sensitivity(term: &dyn Potential, first: usize, x: &[f64], t: f64, out: &mut [f64]) {
     let stencils = term.stencils();
     let (size, block) = (stencils.size(), stencils.block);
-    let mut gradients = vec![0.0; stencils.count() * size];
-    term.gradients(0..stencils.count(), x, t, &mut gradients);
-    for (stencil, gradient) in gradients.chunks_exact(size).enumerate() {
-        for (&node, gradient) in stencils.of(stencil).iter().zip(gradient.chunks_exact(block)) {
-            let dof = node as usize * block;
-            sum[dof..dof + block].iter_mut().zip(gradient).for_each(|(sum, gradient)| *sum += gradient);
-        }
+    let range = first..first + out.len();
+    let mut gradients = vec![0.0; out.len() * size];
+    term.gradients(range.clone(), x, t, &mut gradients);
+    for ((stencil, gradients), out) in range.zip(gradients.chunks_exact(size)).zip(out) {
+        let nodes = stencils.of(stencil);
+        let sizes = gradients.iter().enumerate().map(|(local, gradient)| {
+            (gradient * x[nodes[local / block] as usize * block + local % block]).abs()
+        });
+        *out = sizes.sum::<f64>().powi(2);
     }
 }
 
@@ -234,8 +257,12 @@ impl Rule for EnergyMomentum {
         Ok(())
     }
 
+    fn correction_noise(&self) -> f64 {
+        self.correction_noise
+    }
+
     fn corrected_energy(&self) -> f64 {
-        self.defects.iter().map(|[defect, _]| defect.abs()).sum()
+        self.corrected_energy
     }
 
     fn prescribed_work(&self) -> f64 {
@@ -279,9 +306,14 @@ impl Rule for EnergyMomentum {
         prescribed.iter().for_each(|&(part, square)| norms[part] += square);
         let factor = |part: usize| {
             let ([defect, size], norm) = (self.defects[part], norms[part]);
-            let has_defect = defect.abs() > NOISE * f64::EPSILON * size;
+            let has_defect = defect.abs() > NOISE * f64::EPSILON * (size + self.sensitivity[part]);
             if has_defect && norm > RIGID * RIGID * place[part] { defect / norm } else { 0.0 }
         };
+        let change = self.coefficient(trial.h) * f64::EPSILON;
+        let corrected = || (0..self.parts.count).filter(|&part| factor(part) != 0.0);
+        self.corrected_energy = corrected().map(|part| self.defects[part][0].abs()).sum();
+        self.correction_noise =
+            corrected().map(|part| (change * self.sensitivity[part]).powi(2) / norms[part]).sum();
         for (k, out) in out.iter_mut().enumerate() {
             let part = self.parts.of_free[k];
             *out = if part == NONE { 0.0 } else { factor(part as usize) * mass[k] * self.dq[k] };

@@ -5,7 +5,8 @@
 //! Forces without a potential join the kicks, p += b h (f(q, v) − ∂V/∂q). Forces that depend on velocity are
 //! evaluated at the velocity before the kick; in the closing kick of a symmetric scheme, at the velocity that this
 //! evaluation predicts (Heun). Then Störmer–Verlet keeps order 2 and the Euler schemes order 1. In the ledger the
-//! work of such forces is f·v̄, where v̄ is the mean of the velocities before and after the kick.
+//! work of such forces is f·v̄, where v̄ is the mean of the velocities before and after the kick, or that of the drift next to it
+//! (`forced.rs`).
 //!
 //! With constraints, each drift projects q onto their manifold by multipliers along their gradients at its start, and
 //! the step ends by projecting p onto the tangent space. For Störmer–Verlet this is RATTLE
@@ -124,7 +125,7 @@ impl KickDrift {
             let half = 0.5 * kick;
             let mean_velocity = |k: usize| (p[k] - half * gradient[free[k] as usize]) / mass[k];
             work -= kick * accounts::free_work(system, gradient, mean_velocity);
-            if PotentialEnergies::counts_work(system, &self.evaluator) {
+            if !self.defers_work() && PotentialEnergies::counts_work(system, &self.evaluator) {
                 let mean: Vec<f64> = (0..p.len()).map(mean_velocity).collect();
                 self.x_dot.resize(gradient.len(), 0.0);
                 system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
@@ -147,6 +148,13 @@ impl KickDrift {
             *q += drift * (*p * inverse_mass[k]);
         });
         work
+    }
+
+    /// Returns the positions of all coordinates at time t.
+    fn positions(&self, system: &System, t: f64) -> Vec<f64> {
+        let mut x = vec![0.0; system.coordinates().dof_count()];
+        system.coordinates().embed(&self.q, t, &mut x);
+        x
     }
 
     /// Returns the checks of a step in which live terms act in the kicks by their gradient.
@@ -250,6 +258,8 @@ impl KickDrift {
             resolution.open(system, &mut self.evaluator, (&state.q, state.t), |k| state.p[k] / mass[k]);
         }
         let mut before = Vec::new();
+        // The work of a kick that waits for its drift, and the mean velocity of the last drift.
+        let (mut deferred, mut drift_velocity) = (None, Vec::new());
         let (mut t, mut elapsed, mut kicked) = (state.t, 0.0, 0.0);
         for i in 0..=drifts {
             let kick = self.coefficients.kicks[i] * h;
@@ -262,7 +272,11 @@ impl KickDrift {
                 self.live_impulses.add(&mut self.evaluator, kick);
                 let closes = i == drifts && self.coefficients.kicks[0] != 0.0;
                 self.evaluate_nonconservative(system, t, kick, closes)?;
+                if self.defers_work() {
+                    deferred = Some(self.defer_work(system, kick));
+                }
             }
+            let started_at = if self.defers_work() { self.positions(system, t) } else { Vec::new() };
             if drift != 0.0
                 && self.collisions.is_none()
                 && let Some(manifold) = &mut self.manifold
@@ -292,6 +306,13 @@ impl KickDrift {
             // A drift with collisions satisfies the constraints by itself.
             if drift != 0.0 && self.manifold.is_some() && self.collisions.is_none() {
                 kicked += self.project_positions(system, t, drift * h, &mut energy)?;
+            }
+            if self.defers_work() && drift != 0.0 {
+                drift_velocity = self.positions(system, t);
+                vectors::update(&mut drift_velocity, |k, x| *x = (*x - started_at[k]) / (drift * h));
+            }
+            if let Some(deferred) = deferred.take() {
+                kicked += self.book_work(system, &deferred, &drift_velocity, &mut energy);
             }
         }
         if let Some(manifold) = &mut self.manifold {

@@ -1,11 +1,40 @@
 //! Kicks with forces without a potential, and their entries in the energy ledger.
+//!
+//! If a drift changes momenta, by constraints or collisions, the mean of the velocities before and after a kick is not the velocity
+//! of the motion: of a body at rest on a floor, half kicks and impulses move the momenta to and fro. The work of forces is then
+//! booked by the displacement of the drift next to the kick. Without impulses, both sums are equal up to the first and last kick.
 
 use vi_core::{StepEnergy, System};
 
+use crate::assemble::evaluator::Evaluator;
+use crate::assemble::force_sum::ForceSum;
 use crate::error::SolverError;
 use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::kick_drift::KickDrift;
 use crate::vectors;
+
+/// The forces of a kick, whose work waits for the displacement of a drift.
+pub(super) struct DeferredWork {
+    /// Duration b h of the kick, s.
+    kick: f64,
+    /// Forces without a potential on all coordinates by account, N: (force, damping), in the nodes' own axes; empty without such forces.
+    forces: Vec<(f64, f64)>,
+    /// Gradient of the terms that change with time, N; empty without such terms.
+    changing: Vec<f64>,
+}
+
+impl DeferredWork {
+    fn new(system: &System, evaluator: &Evaluator, forces: Option<&ForceSum>, kick: f64) -> Self {
+        let count = system.coordinates().dof_count();
+        let forces =
+            forces.map_or_else(Vec::new, |forces| (0..count).map(|dof| forces.by_account(dof)).collect());
+        let changing = match PotentialEnergies::counts_work(system, evaluator) {
+            true => accounts::gradient_of_changing(system, evaluator),
+            false => Vec::new(),
+        };
+        Self { kick, forces, changing }
+    }
+}
 
 impl KickDrift {
     /// Evaluates the forces without a potential at the positions of the last gradient, before a kick (b h = `kick`)
@@ -28,12 +57,17 @@ impl KickDrift {
         system.coordinates().embed_velocity(&velocity, t, &mut self.x_dot);
         forces.evaluate(self.evaluator.positions(), &self.x_dot, t);
         if closes && forces.depends_on_velocity() {
-            let predicted: Vec<f64> = (0..p.len())
+            let mut predicted: Vec<f64> = (0..p.len())
                 .map(|k| {
                     let dof = free[k] as usize;
-                    (p[k] + kick * (forces.total(dof) - gradient[dof])) / mass[k]
+                    p[k] + kick * (forces.total(dof) - gradient[dof])
                 })
                 .collect();
+            if let Some(manifold) = &mut self.manifold {
+                // The reaction of constraints in the kick is as large as the forces: without it, the order would be 1.
+                manifold.project_momenta(system, &self.q, &mut predicted, t)?;
+            }
+            vectors::update(&mut predicted, |k, p| *p /= mass[k]);
             system.coordinates().embed_velocity(&predicted, t, &mut self.x_dot);
             forces.evaluate(self.evaluator.positions(), &self.x_dot, t);
         }
@@ -71,13 +105,23 @@ impl KickDrift {
             // Forces do work on prescribed coordinates too; the prescribed motion provides the rest.
             self.x_dot.resize(gradient.len(), 0.0);
             system.coordinates().embed_velocity(&mean, t, &mut self.x_dot);
-            if PotentialEnergies::counts_work(system, &self.evaluator) {
+            let is_deferred = self.defers_work();
+            if !is_deferred && PotentialEnergies::counts_work(system, &self.evaluator) {
                 self.potential_energies.add_work(system, &self.evaluator, kick, &self.x_dot);
             }
             system.coordinates().to_own_axes(&mut self.x_dot);
             let x_dot = &self.x_dot;
-            energy.force += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
-            energy.damping += kick * vectors::sum(x_dot.len(), |dof| forces.by_account(dof).1 * x_dot[dof]);
+            let done = [0, 1].map(|account: usize| {
+                kick * vectors::sum(x_dot.len(), |dof| {
+                    <[f64; 2]>::from(forces.by_account(dof))[account] * x_dot[dof]
+                })
+            });
+            if is_deferred {
+                work += done[0] + done[1];
+            } else {
+                energy.force += done[0];
+                energy.damping += done[1];
+            }
             if system.coordinates().is_moving() {
                 let moved = kick * accounts::prescribed_work(system, gradient, x_dot);
                 let negative: Vec<f64> = self.net.iter().map(|net| -net).collect();
@@ -93,5 +137,34 @@ impl KickDrift {
             *q += drift * (*p * inverse_mass[k]);
         });
         work
+    }
+
+    /// Returns whether the work of forces is booked by displacements.
+    pub(super) fn defers_work(&self) -> bool {
+        self.ledger && (self.manifold.is_some() || self.collisions.is_some())
+    }
+
+    /// Returns the work of the last evaluated forces in a kick, to be booked.
+    pub(super) fn defer_work(&self, system: &System, kick: f64) -> DeferredWork {
+        DeferredWork::new(system, &self.evaluator, self.nonconservative.as_ref(), kick)
+    }
+
+    /// Books the work of forces along the mean velocity of a drift, m/s; returns minus the work of those without a potential.
+    pub(super) fn book_work(
+        &mut self,
+        system: &System,
+        deferred: &DeferredWork,
+        velocity: &[f64],
+        energy: &mut StepEnergy,
+    ) -> f64 {
+        let DeferredWork { kick, forces, changing } = deferred;
+        self.potential_energies.add(kick * vectors::sum(changing.len(), |dof| changing[dof] * velocity[dof]));
+        let mut along = velocity.to_vec();
+        system.coordinates().to_own_axes(&mut along);
+        let force = kick * vectors::sum(forces.len(), |dof| forces[dof].0 * along[dof]);
+        let damping = kick * vectors::sum(forces.len(), |dof| forces[dof].1 * along[dof]);
+        energy.force += force;
+        energy.damping += damping;
+        -(force + damping)
     }
 }

@@ -66,6 +66,10 @@ pub(crate) trait Rule: Send + Sync {
     fn solves(&self) -> Option<u32> {
         None
     }
+    /// Returns Σ m Δw² of the change Δw of increments by the round-off of the last correction, kg m².
+    fn correction_noise(&self) -> f64 {
+        0.0
+    }
     /// Returns the energy that the last correction brings to a step, J.
     fn corrected_energy(&self) -> f64 {
         0.0

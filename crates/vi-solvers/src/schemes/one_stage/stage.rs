@@ -418,6 +418,6 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);
         // The forces of a stiff contact layer amplify the round-off of positions several times.
         let resolution = f64::EPSILON * if self.stage.has_discrete { 8.0 } else { 1.0 };
-        square <= resolution * resolution * self.stage.twice_origin
+        square <= resolution * resolution * self.stage.twice_origin + self.rule.correction_noise()
     }
 }
