@@ -1,10 +1,10 @@
 //! The parts of a body that are connected by its stencils, and the rigid motions under which the energy of each is
 //! invariant.
 
-use nalgebra::Vector3;
 use vi_core::{DisjointSets, HessianKind, Potential, System};
 
 use crate::index::{NONE, free_of};
+use crate::schemes::invariance;
 
 /// The parts of a body that are connected by stencils of terms that are not affine.
 pub(super) struct Parts {
@@ -29,7 +29,7 @@ impl Parts {
         let free_of = free_of(coordinates);
         let mut sets = DisjointSets::new(coordinates.free_count());
         let terms: Vec<_> =
-            system.potentials().iter().map(|term| (term, is_internal(term.as_ref()))).collect();
+            system.potentials().iter().map(|term| (term, invariance::is_internal(term.as_ref()))).collect();
         let is_affine = |term: &dyn Potential| term.traits().hessian == HessianKind::Zero;
         let dofs = |term: &dyn Potential, stencil: usize| {
             let stencils = term.stencils();
@@ -127,31 +127,4 @@ impl Parts {
         }
         sums
     }
-}
-
-/// Returns whether all stencils of a term depend on shape alone: no net force and no net moment at a configuration
-/// without symmetry.
-fn is_internal(term: &dyn Potential) -> bool {
-    let stencils = term.stencils();
-    if stencils.block != 3 || stencils.arity < 2 || stencils.count() == 0 {
-        return false;
-    }
-    // A few stencils are enough, because all have the same form of energy.
-    let highest = stencils.nodes.iter().max().map_or(0, |&node| node as usize);
-    let x: Vec<f64> =
-        (0..3 * (highest + 1)).map(|k| (1.7 * k as f64 + 0.3).sin() + 0.01 * k as f64).collect();
-    let mut gradient = vec![0.0; stencils.size()];
-    (0..stencils.count()).step_by(stencils.count().div_ceil(16)).all(|stencil| {
-        term.gradients(stencil..stencil + 1, &x, 0.0, &mut gradient);
-        let (mut force, mut torque, mut size) = (Vector3::zeros(), Vector3::zeros(), 0.0_f64);
-        for (&node, g) in stencils.of(stencil).iter().zip(gradient.chunks_exact(3)) {
-            let g = Vector3::new(g[0], g[1], g[2]);
-            let at = Vector3::from_column_slice(&x[3 * node as usize..3 * node as usize + 3]);
-            force += g;
-            torque += at.cross(&g);
-            size += g.norm() * (1.0 + at.norm());
-        }
-        // Outside its domain a term gives no answer; hyperelastic terms are internal.
-        !size.is_finite() || force.norm() + torque.norm() <= 1e-9 * size
-    })
 }

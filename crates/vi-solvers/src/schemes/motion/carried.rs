@@ -8,6 +8,8 @@
 use vi_core::constraints::QuadraticConstraint;
 use vi_core::{DisjointSets, HessianKind, Potential, System};
 
+use crate::schemes::invariance;
+
 /// What holds a part along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Hold {
@@ -61,7 +63,7 @@ impl Carried {
         }
         let mut hold = |node: u32| holds[part[node as usize] as usize] = [Hold::Place; 3];
         coordinates.node_axes().iter().for_each(|axes| hold(axes.node));
-        for term in terms().filter(|term| resists(term.as_ref())) {
+        for term in terms().filter(|term| invariance::resists_translation(term.as_ref())) {
             term.stencils().nodes.iter().for_each(|&node| hold(node));
         }
         for (joint, nodes) in system.constraints().iter().zip(&joints) {
@@ -163,32 +165,6 @@ fn each_stencil(term: &dyn Potential, join: &mut impl FnMut(&[u32])) {
     }
 }
 
-/// Returns positions without symmetry, m.
-fn scattered(count: usize) -> Vec<f64> {
-    (0..count).map(|k| (1.7 * k as f64 + 0.3).sin() + 0.01 * k as f64).collect()
-}
-
-/// Returns whether the forces of a term change if all its nodes are displaced equally. Terms of single nodes that are not affine do.
-fn resists(term: &dyn Potential) -> bool {
-    let stencils = term.stencils();
-    if stencils.arity < 2 || stencils.count() == 0 {
-        return stencils.count() > 0;
-    }
-    let highest = stencils.nodes.iter().max().map_or(0, |&node| node as usize);
-    let x = scattered(3 * (highest + 1));
-    let moved: Vec<f64> = x.iter().enumerate().map(|(k, x)| x + [0.7, -1.1, 0.4][k % 3]).collect();
-    let [mut before, mut after] = [(); 2].map(|()| vec![0.0; stencils.size()]);
-    // A few stencils are enough, because all have the same form of energy.
-    (0..stencils.count()).step_by(stencils.count().div_ceil(16)).any(|stencil| {
-        term.gradients(stencil..stencil + 1, &x, 0.0, &mut before);
-        term.gradients(stencil..stencil + 1, &moved, 0.0, &mut after);
-        let size = before.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
-        let change = before.iter().zip(&after).fold(0.0_f64, |change, (a, b)| change.max((a - b).abs()));
-        // Outside its domain a term gives no answer; hyperelastic terms do not resist.
-        size.is_finite() && change > 1e-9 * size
-    })
-}
-
 /// Returns whether a joint between these nodes holds their place: its gradient has a net force on points.
 fn is_grounded(joint: &QuadraticConstraint, nodes: &[u32], system: &System) -> bool {
     let coordinates = system.coordinates();
@@ -197,7 +173,7 @@ fn is_grounded(joint: &QuadraticConstraint, nodes: &[u32], system: &System) -> b
     number.dedup();
     let own = joint.renumbered(|node| number.binary_search(&node).map_or(0, |own| own as u32));
     let mut gradient = vec![0.0; 3 * number.len()];
-    own.add_gradient(&scattered(gradient.len()), 1.0, &mut gradient);
+    own.add_gradient(&invariance::scattered(gradient.len()), 1.0, &mut gradient);
     let points =
         || number.iter().zip(gradient.chunks(3)).filter(|(node, _)| !coordinates.is_director(**node));
     let net = |axis: usize| points().map(|(_, force)| force[axis]).sum::<f64>();
