@@ -27,7 +27,7 @@ mod unheld;
 use std::sync::Arc;
 
 use vi_core::{Alone, Exchange, SharedTerms, State, System};
-use vi_solvers::{Assembler, Member, Method, Partners, SolverOptions, Stepper, UnitCosts, Work};
+use vi_solvers::{Assembler, HeldWork, Member, Method, Partners, SolverOptions, Stepper, UnitCosts, Work};
 
 use crate::model::parts::needs_no_elements;
 use crate::model::{
@@ -52,7 +52,7 @@ pub use snapshot::{Snapshot, Substeps};
 /// Bodies that act on each other, as one Lagrangian system with its integrator.
 ///
 /// Bodies that do not act on each other are separate components, with the same cost as if they were alone. A
-/// component without a free coordinate has no stepper and costs nothing.
+/// component without a free coordinate has no stepper; its ledger alone costs something, if work is done on it.
 pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
@@ -60,6 +60,8 @@ pub struct Component {
     /// Subdivision of its steps.
     pace: Pace,
     /// Evaluates energies for observers; created at first use.
+    /// The work on it, if it has no free coordinate and its ledger is kept.
+    held: Option<Box<HeldWork>>,
     observer: Option<Assembler>,
     /// Whether its stepper keeps the full energy ledger.
     keeps_ledger: bool,
@@ -236,10 +238,14 @@ impl Simulation {
                 system,
                 state,
                 stepper,
+            let is_held = system.coordinates().free_count() == 0;
+            let held = (is_held && keeps_ledger && is_worked_on(&system))
+                .then(|| Box::new(HeldWork::new(&system, scene.statics.is_some())));
                 pace: Pace::default(),
                 observer: None,
                 keeps_ledger,
                 has_domain,
+                held,
                 contact: contact.map(ContactWatch::new),
                 asked: None,
                 is_of_parts,

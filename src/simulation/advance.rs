@@ -1,8 +1,8 @@
 //! All components of a simulation over one step of the run, or over several steps without output between them.
 
 use rayon::prelude::*;
-use vi_core::{State, System};
-use vi_solvers::{Assembler, Interrupt, SolverError, StepError};
+use vi_core::{State, StepEnergy, System};
+use vi_solvers::{Assembler, HeldWork, Interrupt, SolverError, StepError};
 
 use super::adaptive::{AdaptiveCounts, Asked};
 use super::march::{self, Course, Cut, Failure, March, march};
@@ -47,10 +47,10 @@ impl Simulation {
         let cut = Cut { parts: self.parts, further, interrupt };
         let adaptive = self.adaptive;
         let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), Failure> {
-            let Component { system, state, stepper, pace, observer, has_domain, asked, .. } = component;
+            let Component { system, state, stepper, held, pace, observer, has_domain, asked, .. } = component;
             let Some(stepper) = stepper else {
-                state.t = end;
-                return Ok((March::default(), AdaptiveCounts::default()));
+                let energy = hold(held, system, state, end);
+                return Ok((March { energy, ..March::default() }, AdaptiveCounts::default()));
             };
             // Not all schemes evaluate the end of a step: implicit midpoint only evaluates its middle.
             let unseen = *has_domain && !is_static && !stepper.sees_end();
@@ -156,7 +156,9 @@ impl Simulation {
             }
         }
         let load_factor = self.load_factor().unwrap_or_default();
-        self.components.iter_mut().for_each(|component| component.state.t = load_factor);
+        for Component { system, state, held, .. } in &mut self.components {
+            stepped.energy += hold(held, system, state, load_factor);
+        }
         stepped.energy.force += std::mem::take(&mut self.given);
         self.steps += 1;
         self.see_contact(&stepped.energy);
@@ -228,13 +230,18 @@ fn on_all<T: Send, E: Send>(
     results
 }
 
+/// Moves a component without a free coordinate to the time `end`; returns the work on it, J, if it is booked.
+fn hold(held: &mut Option<Box<HeldWork>>, system: &System, state: &mut State, end: f64) -> StepEnergy {
+    let from = std::mem::replace(&mut state.t, end);
+    held.as_mut().map(|held| held.over(system, from, end)).unwrap_or_default()
+}
+
 /// Returns whether several steps of a component are cheaper together, without observation of each.
 fn joins_steps(component: &Component) -> bool {
-    let Component { system, stepper, pace, has_domain, .. } = component;
-    stepper.as_ref().is_none_or(|stepper| {
-        let unseen = *has_domain && !stepper.sees_end();
-        !unseen && pace.is_whole() && stepper.joins_steps(system)
-    })
+    let Component { system, stepper, held, pace, has_domain, .. } = component;
+    let Some(stepper) = stepper else { return held.is_none() };
+    let unseen = *has_domain && !stepper.sees_end();
+    !unseen && pace.is_whole() && stepper.joins_steps(system)
 }
 
 /// Checks that all terms have a finite energy at a state. The step to it had a free path.

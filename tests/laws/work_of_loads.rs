@@ -97,3 +97,80 @@ fn the_account_of_loads_has_the_order_of_the_scheme() {
         }
     }
 }
+
+/// The supports of a body whose coordinates are all prescribed do what its energy takes, besides damping. A cube is sheared by γ = g t
+/// while it is lifted: its rates Ė₁₃ = g/2 and Ė₃₃ = γ g dissipate 2η ∫ (g²/2 + γ² g²) dt, and the weight of its moved half takes m g
+/// a half of the lift.
+#[test]
+fn the_supports_of_a_wholly_held_body_do_its_work() {
+    let (rate, lift, end, viscosity) = (0.2_f64, 0.3_f64, 0.5_f64, 50.0_f64);
+    for (time, damping) in [
+        ("scheme = \"stormer-verlet\"", true),
+        ("scheme = \"implicit-midpoint\"", true),
+        ("scheme = \"backward-euler\"", false),
+        ("scheme = \"gauss\"", false),
+        ("[static]", false),
+    ] {
+        for other in [false, true] {
+            // A second body, which flies, has its own energy.
+            if other && (damping || time == "[static]") {
+                continue;
+            }
+            let damped =
+                if damping { format!("[damping]\nshear_viscosity = {viscosity}") } else { String::new() };
+            let flying = match other {
+                true => {
+                    "[[body]]\nname = \"c\"\nbox = { size = [1, 1, 1], cells = [1, 1, 1], origin = [5, 0, 0] }\n\
+                         material = { law = \"neo-hookean\", young = 2e5, poisson = 0.3, density = 1.0 }\n\
+                         velocity = [1.0, 0.0, 0.0]\n"
+                }
+                false => "",
+            };
+            let gravity = if other { "" } else { "gravity = [0.0, 0.0, -9.81]" };
+            let program = Program::run(&format!(
+                r#"
+{gravity}
+[time]
+end = {end}
+step = 0.01
+{time}
+{damped}
+[[body]]
+name = "b"
+box = {{ size = [1, 1, 1], cells = [1, 1, 1], element = "hex8" }}
+material = {{ law = "neo-hookean", young = 2e5, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "b"
+region = "z-min"
+[[fix]]
+body = "b"
+region = "z-max"
+motion = {{ kind = "translate", velocity = [{rate}, 0, {}] }}
+{flying}
+"#,
+                if damping { 0.0 } else { lift }
+            ));
+            let energy = &program.report()["energy"];
+            let of = |key: &str| energy[key].as_f64().unwrap_or_else(|| panic!("{key}: {energy}"));
+            let change = of("final") - of("initial");
+            assert!(change > 100.0, "{energy}");
+            let lost = if damping {
+                2.0 * viscosity * rate * rate * (end / 2.0 + rate * rate * end.powi(3) / 3.0)
+            } else {
+                0.0
+            };
+            assert!((of("damping_work") + lost).abs() < 1e-9 * change, "{time}: {lost}, {energy}");
+            assert!((of("prescribed_work") - change - lost).abs() < 1e-9 * change, "{time}: {energy}");
+            assert!(of("unexplained").abs() < 1e-10 * change, "{time}: {energy}");
+            if !other && !damping {
+                let history = program.history();
+                let elastic = history.column("elastic").last().copied().unwrap_or_default();
+                let weight = 1000.0 * 9.81 * 0.5 * lift * end;
+                assert!(
+                    (change - elastic - weight).abs() < 1e-9 * change,
+                    "{time}: {elastic}, {weight}, {energy}"
+                );
+            }
+        }
+    }
+}

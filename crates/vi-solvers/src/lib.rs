@@ -47,6 +47,7 @@ pub use ranks::partners::Partners;
 pub use schemes::constraint::manifold::make_tangent;
 pub use schemes::filter::mass_filter;
 pub use schemes::lanczos::HighestFrequency;
+pub use schemes::held::HeldWork;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
 pub use schemes::motion::Frequencies;
 pub use schemes::stability::highest_frequency;

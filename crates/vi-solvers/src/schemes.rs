@@ -7,6 +7,7 @@ pub(crate) mod constraint;
 mod energy_momentum;
 pub(crate) mod filter;
 mod gauss;
+pub(crate) mod held;
 mod invariance;
 pub(crate) mod kick_drift;
 pub(crate) mod lanczos;

@@ -36,7 +36,7 @@ pub(crate) fn energy_of(term: &dyn Potential, x: &[f64], t: f64) -> f64 {
 }
 
 /// Returns ∂V/∂x·ẋ of a term, W.
-fn power_on(term: &dyn Potential, x: &[f64], t: f64, x_dot: &[f64]) -> f64 {
+pub(crate) fn power_on(term: &dyn Potential, x: &[f64], t: f64, x_dot: &[f64]) -> f64 {
     let stencils = term.stencils();
     let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
     let mut gradients = vec![0.0; count * size];
