@@ -4,13 +4,17 @@ use nalgebra::Vector3;
 
 use super::Simulation;
 use super::contact::{ContactAt, Press};
+use crate::model::RigidModel;
 use crate::scene::Field;
 
 impl Simulation {
     /// Returns a contact field at the nodes of all bodies, then at the surface points of rigid bodies.
     pub(crate) fn contact_values(&self, field: Field) -> Vec<f64> {
         let bodies = (0..self.bodies.len()).flat_map(|body| self.contact_values_of(body, field));
-        let rigids = self.rigids.iter().enumerate().flat_map(|(number, rigid)| {
+        // A half-space has no surface in frames, though a rotating one has nodes that carry its normal.
+        let is_shown = |rigid: &RigidModel| rigid.form.as_ref().is_some_and(|form| !form.points.is_empty());
+        let shown = self.rigids.iter().enumerate().filter(|(_, rigid)| is_shown(rigid));
+        let rigids = shown.flat_map(|(number, rigid)| {
             if rigid.radius > 0.0 {
                 return self.contact_values_of_round(number, field);
             }

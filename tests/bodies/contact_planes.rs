@@ -112,3 +112,25 @@ material = { law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }
         assert!(unexplained.abs() < 2e-2 * largest, "{scheme}: {unexplained:e} of {largest:e}");
     }
 }
+
+/// Frames hold the fields of contact beside a half-space that rotates: it has no points there. The mean pressure on the face of a block
+/// at rest is that of its weight.
+#[test]
+fn frames_hold_contact_beside_a_rotating_plane() {
+    let fields = "interval = 0.2\nprecision = \"f64\"\nfields = [\"contact_traction\", \"contact_pressure\", \"slip\", \"gap\"]\n";
+    let program = Program::run(&(tilt(RIGID, 0.02, 0.2, 1e-3, "friction = 0.5") + fields));
+    let frame = vi_io::read_mesh(&program.out().join("scene_000001.vtu")).unwrap();
+    assert_eq!(frame.mesh.points.len(), 8);
+    let values = |name: &str| &frame.point_array(name).unwrap_or_else(|| panic!("{name}")).values;
+    let (traction, pressure) = (values("contact_traction"), values("contact_pressure"));
+    assert_eq!((traction.len(), values("slip").len(), values("gap").len()), (24, 24, 8));
+    for (traction, pressure) in traction.chunks_exact(3).zip(pressure) {
+        let size = traction.iter().map(|value| value * value).sum::<f64>().sqrt();
+        assert!((size - pressure).abs() < 1e-9 * size.max(1.0), "{size} {pressure}");
+    }
+    let below: Vec<f64> = pressure.iter().copied().filter(|&pressure| pressure > 0.0).collect();
+    assert_eq!(below.len(), 4, "{pressure:?}");
+    let (mean, weight) = (below.iter().sum::<f64>() / 4.0, 1000.0 * 0.02 * 9.81);
+    // The area of a corner also represents its part of the sides.
+    assert!(mean > 0.5 * weight && mean < 1.1 * weight, "{mean} {weight}");
+}
