@@ -80,7 +80,8 @@ impl Search<'_> {
             (a, b) => low.0 - a * (high.0 - low.0) / (b - a),
         };
         let kind = self.kind_of(&mode, after)?;
-        self.report.critical.push(CriticalPoint { kind, load_factor, eigenvalues: [first, last] });
+        let error = (high.0 - low.0).abs();
+        self.report.critical.push(CriticalPoint { kind, load_factor, error, eigenvalues: [first, last] });
         Ok(())
     }
 

@@ -84,6 +84,9 @@ pub struct CriticalPoint {
     pub load_factor: f64,
     /// Lowest ω² = λ(K, M) of the equilibria before and after it, 1/s².
     pub eigenvalues: [f64; 2],
+    /// The size of the error of the load factor: by how much it changed as the interval around it was last narrowed. Zero at a
+    /// limit point on a path by arc length or control, which a cubic through both equilibria gives.
+    pub error: f64,
 }
 
 /// The report of a search.

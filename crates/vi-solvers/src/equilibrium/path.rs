@@ -6,6 +6,7 @@
 //! square of dq/dt at the start (Crisfield 1981; Ramm 1981), or c(q, t) = c₁. Beyond a limit point K is indefinite;
 //! then systems are solved by minimal residuals, preconditioned by a Cholesky factor of K + σM.
 
+mod bifurcation;
 pub(super) mod branch;
 mod corrector;
 pub(super) mod follow;

@@ -6,7 +6,7 @@ use crate::assemble::assembler::Assembler;
 use crate::assemble::live::LiveState;
 use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::load_control::search;
-use crate::equilibrium::options::{CriticalKind, StaticOptions, StaticReport};
+use crate::equilibrium::options::{CriticalKind, CriticalPoint, StaticOptions, StaticReport};
 use crate::error::SolverError;
 use crate::linear::choice::REASON;
 use crate::memory::{StepperMemory, expect_method};
@@ -15,6 +15,8 @@ use crate::schemes::stepper::{StepError, StepReport, Stepper};
 use crate::work::Work;
 
 const NAME: &str = "static";
+/// Error of a critical load, relative to the load, up to which it is printed without the error.
+const SHARP: f64 = 1e-5;
 /// Names of the state of friction in the memory.
 const FRICTION: &str = "friction";
 const STORED: &str = "friction.stored";
@@ -41,8 +43,12 @@ pub(crate) fn findings(report: &StaticReport) -> impl Iterator<Item = String> {
             CriticalKind::Bifurcation => "a bifurcation: the body buckles",
         };
         let [before, after] = point.eigenvalues;
-        let factor = point.load_factor;
-        format!("at load factor {factor:.6} {what} (lowest ω² {before:.3e} before, {after:.3e} 1/s² after)")
+        let CriticalPoint { load_factor, error, .. } = *point;
+        let place = match error <= SHARP * load_factor.abs() {
+            true => format!("at load factor {load_factor:.6}"),
+            false => format!("near load factor {load_factor:.6} ± {error:.1e}"),
+        };
+        format!("{place} {what} (lowest ω² {before:.3e} before, {after:.3e} 1/s² after)")
     });
     let snapped = |t: &f64| {
         format!("the path of equilibria ends at load factor {t:.6}: the body has snapped beyond it")

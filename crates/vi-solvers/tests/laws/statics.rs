@@ -301,6 +301,62 @@ fn a_column_buckles_at_its_critical_load_and_a_push_bends_it() {
     assert!(angle > 1.0 && (angle - 2.0 * angle.sin()).abs() < 1e-9, "{angle}");
 }
 
+/// A column that shortens by u and turns by θ under the load p = 2 t: V = u²/2 + (1 − u²) θ²/2 − p (u + 1 − cos θ). On its straight
+/// path u = p, and ∂²V/∂θ² = 1 − p² − p, which is zero at p = (√5 − 1)/2. It is no linear function of the load.
+fn shortening_column() -> (System, State) {
+    let jet = |_: usize, x: &[f64; 3]| {
+        let [u, angle, t] = *x;
+        Jet {
+            energy: 0.5 * u * u + 0.5 * (1.0 - u * u) * angle * angle - 2.0 * t * (u + 1.0 - angle.cos()),
+            gradient: [
+                u - u * angle * angle - 2.0 * t,
+                (1.0 - u * u) * angle - 2.0 * t * angle.sin(),
+                -2.0 * (u + 1.0 - angle.cos()),
+            ],
+            hessian: [
+                [1.0 - angle * angle, -2.0 * u * angle, -2.0],
+                [-2.0 * u * angle, 1.0 - u * u - 2.0 * t * angle.cos(), -2.0 * angle.sin()],
+                [-2.0, -2.0 * angle.sin(), 0.0],
+            ],
+        }
+    };
+    let term = Term { name: "column", block: 3, nodes: vec![0], hessian: HessianKind::Varying, jet };
+    let path = Box::new(crate::forces::Clock);
+    let coordinates = Coordinates::new(3, vec![Prescribed { dofs: vec![2], path }]).unwrap();
+    let system = System::new(vec![1.0; 3], vec![Box::new(term)], coordinates).unwrap();
+    (system, State { t: 0.0, q: vec![0.0; 2], p: vec![0.0; 2] })
+}
+
+/// The bifurcation on a path by arc length or control is where an eigenvalue vanishes, however long the step over it is.
+#[test]
+fn a_bifurcation_on_a_path_does_not_depend_on_the_steps() {
+    let exact = 0.25 * (5.0_f64.sqrt() - 1.0);
+    for increment in [0.02, 0.1, 0.7] {
+        let (system, mut state) = shortening_column();
+        let (largest_increment, arc_steps) = (increment, Some(100));
+        let options = StaticOptions { increment, largest_increment, arc_steps, ..Default::default() };
+        let report = equilibrium(&system, &mut state, &options).unwrap();
+        let critical = report.critical[0];
+        assert_eq!((critical.kind, report.critical.len()), (CriticalKind::Bifurcation, 1));
+        assert!((critical.load_factor - exact).abs() < 1e-7, "{increment}: {critical:?}");
+        assert!(critical.error < 1e-7, "{increment}: {critical:?}");
+    }
+    for steps in [1, 3, 40] {
+        let (system, mut state) = shortening_column();
+        let jet = |_: usize, x: &[f64; 1]| Jet { energy: x[0], gradient: [1.0], hessian: [[0.0]] };
+        let term = Term { name: "u", block: 1, nodes: vec![0], hessian: HessianKind::Zero, jet };
+        let function = PathFunction::new(&system, vec![Box::new(term)], &[0.0; 3]).unwrap();
+        let control = PathControl::Function { function: Box::new(function), to: 2.0, steps };
+        let mut stepper = path_following(&system, StaticOptions::default(), control, false).unwrap();
+        for _ in 0..steps {
+            stepper.step(&system, &mut state, 1.0).unwrap();
+        }
+        let findings = stepper.take_findings();
+        let sought = format!("at load factor {exact:.6} a bifurcation");
+        assert!(findings.len() == 1 && findings[0].starts_with(&sought), "{steps}: {findings:?}");
+    }
+}
+
 #[test]
 fn a_load_that_nothing_carries_is_an_error_and_leaves_the_state() {
     // U = 1 − exp(−x): its force never exceeds 1 for x ≥ 0.

@@ -19,6 +19,8 @@ pub(super) enum Closure<'a> {
     Sphere(f64),
     /// The load factor has this value.
     Load(f64),
+    /// The scalar product of the step with a chord, `moved` and `moved_t`, has the value `goal`, m².
+    Chord { moved: &'a [f64], moved_t: f64, goal: f64 },
     /// A function of the positions has this value.
     Function(&'a mut PathFunction, f64),
 }
@@ -56,6 +58,11 @@ impl Path {
                     -(square - *radius * *radius + 2.0 * mass_product(search, &moved, &step)) / slope
                 }
                 Closure::Load(end) => *end - trial.t,
+                Closure::Chord { moved: chord, moved_t, goal } => {
+                    let moved: Vec<f64> = (0..n).map(|k| trial.q[k] - from.q[k] + step[k]).collect();
+                    let here = mass_product(search, &moved, chord) + squared * (trial.t - from.t) * *moved_t;
+                    (*goal - here) / (mass_product(search, &along, chord) + squared * *moved_t)
+                }
                 Closure::Function(function, goal) => {
                     let here = function.at(search.balance.system, &trial.q, trial.t, search.options.end);
                     let gap = *goal - here.value - vectors::sum(n, |k| here.gradient[k] * step[k]);

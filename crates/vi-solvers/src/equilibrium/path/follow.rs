@@ -4,10 +4,10 @@ use vi_core::State;
 
 use crate::equilibrium::function::PathFunction;
 use crate::equilibrium::newton;
-use crate::equilibrium::options::{CriticalKind, LoadStep};
+use crate::equilibrium::options::LoadStep;
 use crate::equilibrium::path::branch::{Path, Tangent, mass_product, rms};
 use crate::equilibrium::path::corrector::Closure;
-use crate::equilibrium::path::turning::note_critical;
+use crate::equilibrium::path::turning::note_limit;
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 
@@ -173,9 +173,9 @@ impl Path {
             let sense = self.sense(search, state, &next, &tangent);
             if sense != dt.signum() {
                 let load_factor = self.turning_load(search, state, &next, &tangent, [dt.signum(), sense]);
-                note_critical(search, state, &next, CriticalKind::Limit, Some(load_factor))?;
+                note_limit(search, state, &next, load_factor)?;
             } else if tangent.is_stable != self.is_stable {
-                note_critical(search, state, &next, CriticalKind::Bifurcation, None)?;
+                self.note_bifurcation(search, state, &next)?;
             }
         }
         let moved: Vec<f64> = next.q.iter().zip(&state.q).map(|(next, q)| next - q).collect();

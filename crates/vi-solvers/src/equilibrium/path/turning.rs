@@ -66,19 +66,16 @@ impl Path {
     }
 }
 
-/// Records a critical point between two equilibria. If its load factor is not given, finds where the lowest
-/// eigenvalue crosses zero.
-pub(super) fn note_critical(
+/// Records a limit point between two equilibria.
+pub(super) fn note_limit(
     search: &mut Search,
     before: &State,
     after: &State,
-    kind: CriticalKind,
-    load_factor: Option<f64>,
+    load_factor: f64,
 ) -> Result<(), SolverError> {
     let (first, _) = critical::lowest(&mut search.balance, &before.q, before.t)?;
     let (last, _) = critical::lowest(&mut search.balance, &after.q, after.t)?;
-    let along = if first == last { 0.5 } else { (first / (first - last)).clamp(0.0, 1.0) };
-    let load_factor = load_factor.unwrap_or(before.t + along * (after.t - before.t));
-    search.report.critical.push(CriticalPoint { kind, load_factor, eigenvalues: [first, last] });
+    let (kind, error) = (CriticalKind::Limit, 0.0);
+    search.report.critical.push(CriticalPoint { kind, load_factor, error, eigenvalues: [first, last] });
     Ok(())
 }
