@@ -4,6 +4,7 @@ mod adaptive;
 mod added;
 mod advance;
 mod between;
+mod circulation;
 mod contact;
 mod contact_fields;
 mod contact_report;
@@ -40,6 +41,7 @@ use adaptive::{Adaptive, Asked};
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
+use circulation::problem_of_push;
 pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
 use needs::{has_domain, is_worked_on, keeps_ledger, method_of, problem_of_ranks};
@@ -57,11 +59,11 @@ pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
     pub(crate) stepper: Option<Box<dyn Stepper>>,
+    /// The work on it, if it has no free coordinate and its ledger is kept.
+    held: Option<Box<HeldWork>>,
     /// Subdivision of its steps.
     pace: Pace,
     /// Evaluates energies for observers; created at first use.
-    /// The work on it, if it has no free coordinate and its ledger is kept.
-    held: Option<Box<HeldWork>>,
     observer: Option<Assembler>,
     /// Whether its stepper keeps the full energy ledger.
     keeps_ledger: bool,
@@ -232,20 +234,21 @@ impl Simulation {
                 problems.push(Problem::new(key, error.to_string()));
                 None
             });
+            problems.extend(problem_of_push(&scene, &system));
             let keeps_ledger = options.ledger;
             let has_domain = has_domain(&system);
+            let is_held = system.coordinates().free_count() == 0;
+            let held = (is_held && keeps_ledger && is_worked_on(&system))
+                .then(|| Box::new(HeldWork::new(&system, scene.statics.is_some())));
             components.push(Component {
                 system,
                 state,
                 stepper,
-            let is_held = system.coordinates().free_count() == 0;
-            let held = (is_held && keeps_ledger && is_worked_on(&system))
-                .then(|| Box::new(HeldWork::new(&system, scene.statics.is_some())));
+                held,
                 pace: Pace::default(),
                 observer: None,
                 keeps_ledger,
                 has_domain,
-                held,
                 contact: contact.map(ContactWatch::new),
                 asked: None,
                 is_of_parts,
@@ -291,6 +294,7 @@ impl Simulation {
         simulation.tell_of_contact();
         simulation.tell_of_passing();
         simulation.tell_of_inertia();
+        simulation.tell_of_circulation();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }

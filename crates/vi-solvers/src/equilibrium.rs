@@ -2,6 +2,7 @@
 //! from them. Also computes the forces on the nodes of a given state.
 
 pub(crate) mod balance;
+pub(crate) mod circulation;
 mod constrained;
 mod critical;
 pub(crate) mod friction;

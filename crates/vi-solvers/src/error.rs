@@ -318,6 +318,18 @@ pub enum SolverError {
         /// Name of the first constraint.
         constraint: String,
     },
+    /// A force has no potential, and its tangent is not symmetric.
+    #[error(
+        "'{force}' has no potential: the part of its stiffness that is not symmetric is {size:.1e} of that of a mode, and \
+         modes K φ = ω² M φ need a symmetric K; hold the edge of its surface, or excite the body in a run and read the \
+         frequency of a probe"
+    )]
+    Circulatory {
+        /// Name of the first force without a potential.
+        force: String,
+        /// Largest ratio |A φ| / (ω² |M φ|) of a mode φ, with the part A of the tangent that is not symmetric.
+        size: f64,
+    },
     /// The scheme is explicit: its steps divide by the mass of each coordinate and therefore need lumped mass.
     #[error("scheme {scheme} needs lumped mass; choose one of {schemes}, or lump the mass")]
     ConsistentMass {

@@ -22,6 +22,7 @@ pub use assemble::assembler::Assembler;
 pub use assemble::energy::Energies;
 pub use assemble::fixed::AssemblyWork;
 pub use assemble::hessian::HessianEvaluation;
+pub use equilibrium::circulation::circulatory;
 pub use equilibrium::function::PathFunction;
 pub use equilibrium::load_control::{equilibrium, equilibrium_path};
 pub use equilibrium::nodal_forces::{
@@ -46,8 +47,8 @@ pub use ranks::member::Member;
 pub use ranks::partners::Partners;
 pub use schemes::constraint::manifold::make_tangent;
 pub use schemes::filter::mass_filter;
-pub use schemes::lanczos::HighestFrequency;
 pub use schemes::held::HeldWork;
+pub use schemes::lanczos::HighestFrequency;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
 pub use schemes::motion::Frequencies;
 pub use schemes::stability::highest_frequency;

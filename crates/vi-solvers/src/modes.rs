@@ -8,6 +8,7 @@ use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::inertia::mass_matrix;
 use crate::equilibrium::balance::{Balance, refuse_constraints};
+use crate::equilibrium::circulation::{Circulation, circulatory};
 use crate::error::SolverError;
 use crate::interrupt::Interrupt;
 use crate::linear::lanczos::lowest_pairs;
@@ -67,12 +68,15 @@ impl Mode {
     }
 }
 
+/// Largest part of the tangent that may be unsymmetric, relative to a mode: ω² changes by no larger a fraction.
+const UNSYMMETRIC: f64 = 1e-5;
+
 /// Returns the lowest modes about `state` in ascending order of ω². The tangent is that of V and of the forces
-/// without a potential (symmetric part). `mass` gives the kinetic energy as quadratic local terms of the velocities,
+/// without a potential, which must be symmetric. `mass` gives the kinetic energy as quadratic local terms of the velocities,
 /// whose Hessians are blocks of M (consistent mass). If it is empty, M is the system's own mass.
 ///
 /// # Errors
-/// Returns [`SolverError::Option`] for a count of zero; an error of a term or a factor; [`SolverError::NoConvergence`];
+/// Returns [`SolverError::Option`] for a count of zero; [`SolverError::Circulatory`] if the tangent is not symmetric; an error of a term or a factor; [`SolverError::NoConvergence`];
 /// [`SolverError::Interrupted`].
 pub fn modes(
     system: &System,
@@ -132,8 +136,30 @@ pub fn modes(
             participation: participation.map(|factor| factor * unit_of_mass.sqrt()),
         });
     }
+    let shift = pencil.shift * unit_of_stiffness / unit_of_mass;
+    refuse_circulation(system, state, &modes, shift)?;
     let free_mass = translations.each_ref().map(|motion| unit_of_mass * pencil.mass_product(motion, motion));
     Ok(Modes { modes, free_mass })
+}
+
+/// Refuses modes that the unsymmetric part of the tangent would change. `shift` is a scale of ω², 1/s².
+fn refuse_circulation(system: &System, state: &State, modes: &[Mode], shift: f64) -> Result<(), SolverError> {
+    let (Some(force), Some(mut circulation)) = (circulatory(system), Circulation::new(system)) else {
+        return Ok(());
+    };
+    let (x, mass) = (system.positions(state), system.free_mass());
+    let mut size = 0.0_f64;
+    for Mode { omega_squared, shape, .. } in modes {
+        let part = circulation.along(system, (&x, state.t), shape);
+        let square = vectors::sum(part.len(), |k| part[k] * part[k] / mass[k]);
+        let inertia = vectors::sum(part.len(), |k| mass[k] * shape[k] * shape[k]);
+        // Modes without a stiffness of their own, such as rigid motions, are measured by the shift.
+        size = size.max((square / inertia).sqrt() / omega_squared.abs().max(0.01 * shift));
+    }
+    if size <= UNSYMMETRIC {
+        return Ok(());
+    }
+    Err(SolverError::Circulatory { force: force.to_owned(), size })
 }
 
 /// Returns the power of two at or below the largest absolute value; 1 if all values are zero.

@@ -5,6 +5,7 @@ use vi_core::{State, StepEnergy, System};
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
+use crate::equilibrium::circulation::circulatory;
 use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::TangentSolver;
 use crate::equilibrium::work_done::WorkDone;
@@ -129,6 +130,11 @@ impl<'a> Balance<'a> {
     /// Returns whether all forces have a potential, so that equilibria are stationary points of V.
     pub(crate) fn is_conservative(&self) -> bool {
         self.forces.is_none() && self.friction.is_none()
+    }
+
+    /// Returns whether the stability of an equilibrium is that of the symmetric part of K: all forces but damping have a potential.
+    pub(crate) fn judges_stability(&self) -> bool {
+        circulatory(self.system).is_none()
     }
 
     fn go_to(&mut self, q: &[f64], t: f64) {

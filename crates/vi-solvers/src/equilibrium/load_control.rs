@@ -100,6 +100,7 @@ impl Search<'_> {
         let mut may_release = true;
         // Equilibria with friction are no stationary points of a potential, and a tangent does not tell where they lead.
         let has_friction = self.balance.friction.is_some();
+        let judges = self.balance.judges_stability();
         loop {
             let t =
                 if (end - state.t).abs() <= 1.0000001 * increment.abs() { end } else { state.t + increment };
@@ -124,9 +125,9 @@ impl Search<'_> {
             let lost_definiteness = result.as_ref().is_ok_and(|solved| !solved.stayed_definite);
             let has_leapt = last_rate > 0.0 && rate > SNAP_RATIO * last_rate;
             let may_have_snapped = !has_friction
-                && was_stable
+                && (was_stable || !judges)
                 && !self.report.steps.is_empty()
-                && (lost_definiteness || has_leapt);
+                && ((lost_definiteness && judges) || has_leapt);
             match result {
                 // The step may have gone to another equilibrium; refine it before accepting it.
                 Ok(_) if may_have_snapped && tried > self.closest(span) => {
@@ -145,14 +146,15 @@ impl Search<'_> {
                         true => solved.stayed_definite,
                         false => self.balance.is_stable(&state.q, t)?,
                     };
-                    if is_stable && may_have_snapped {
+                    if (is_stable || !judges) && may_have_snapped {
                         self.report.jumps.push(before.t);
                     }
-                    if is_stable != was_stable && self.options.find_critical && !has_friction {
+                    if is_stable != was_stable && self.options.find_critical && !has_friction && judges {
                         self.find_critical(&before, state)?;
                     }
                     if !is_stable
                         && !has_friction
+                        && judges
                         && let Some(push) = self.options.push
                     {
                         is_stable = self.leave_branch(state, push)?;
@@ -243,9 +245,10 @@ impl Search<'_> {
     /// Returns the error for a load that cannot be carried, with the facts about the last equilibrium.
     fn no_equilibrium(&mut self, state: &State, increment: f64, cause: SolverError) -> SolverError {
         let t = state.t;
-        // A body that is too large for a factor is too large for its eigenvalues. With friction, they tell nothing about the
-        // path.
-        let has_eigenvalues = self.balance.has_factor() && self.balance.friction.is_none();
+        // A body that is too large for a factor is too large for its eigenvalues. With friction or circulatory forces, they tell
+        // nothing about the path.
+        let has_eigenvalues =
+            self.balance.has_factor() && self.balance.friction.is_none() && self.balance.judges_stability();
         let lowest = has_eigenvalues
             .then(|| critical::lowest(&mut self.balance, &state.q, t).ok())
             .flatten()

@@ -143,10 +143,11 @@ pub(crate) fn solve(
             }
             continue;
         }
-        let length = line_search(balance, q, t, (&step, longest), &mut r, &mut trial)?;
+        let (iterations, residual, tolerance) = (iteration, relative, stop.tolerance);
+        let stalled = SolverError::NoConvergence { iterations, residual, tolerance };
+        let length = line_search(balance, q, t, (&step, longest), (&mut r, &mut trial), stalled)?;
         if balance.goes_astray(&start, q, t) {
-            let (iterations, residual, tolerance) = (iteration, 1.0, stop.tolerance);
-            return Err(SolverError::NoConvergence { iterations, residual, tolerance });
+            return Err(SolverError::NoConvergence { iterations, residual: 1.0, tolerance });
         }
         if iteration == 1 {
             // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long; only
@@ -163,21 +164,21 @@ pub(crate) fn solve(
 }
 
 /// Moves `q` along `step` as far as the energy decreases, by at most the fraction `longest` of it, and evaluates the
-/// residual there. Returns the fraction.
+/// residual there. Returns the fraction, or `stalled` if the energy does not decrease along it.
 fn line_search(
     balance: &mut Balance,
     q: &mut [f64],
     t: f64,
     (step, longest): (&[f64], f64),
-    r: &mut [f64],
-    trial: &mut [f64],
+    (r, trial): (&mut [f64], &mut [f64]),
+    stalled: SolverError,
 ) -> Result<f64, SolverError> {
     const TRIALS: usize = 25;
     let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
     let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
     let noise = 1e-14 * energy.abs();
     let mut length = longest;
-    let mut failure = SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: 0.0 };
+    let mut failure = stalled;
     for _ in 0..TRIALS {
         balance.work.line_searches += 1;
         for ((trial, q), step) in trial.iter_mut().zip(&*q).zip(step) {

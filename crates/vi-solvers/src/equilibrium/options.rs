@@ -26,7 +26,8 @@ pub struct StaticOptions {
     /// and the largest step correspond to `increment` and `largest_increment` with the response of the body at the
     /// start.
     pub arc_steps: Option<u32>,
-    /// Whether to find the load factors at which an equilibrium becomes unstable.
+    /// Whether to find the load factors at which an equilibrium becomes unstable. None are found, and no path is left, under forces
+    /// without a potential other than damping.
     pub find_critical: bool,
     /// Linear solver of load steps. Conjugate gradients take little memory; a tangent counts as stable if they find no direction
     /// of negative curvature. Paths by arc length or control, and critical points, always use a factor.
@@ -62,7 +63,8 @@ pub struct LoadStep {
     pub load_factor: f64,
     /// Number of Newton iterations made for it.
     pub iterations: u32,
-    /// Whether V has a minimum there, that is, the tangent has a Cholesky factor.
+    /// Whether V has a minimum there, that is, the tangent has a Cholesky factor. With forces without a potential this is the
+    /// symmetric part of the tangent, which does not decide about stability.
     pub is_stable: bool,
 }
 
@@ -82,11 +84,11 @@ pub struct CriticalPoint {
     pub kind: CriticalKind,
     /// The load factor.
     pub load_factor: f64,
-    /// Lowest ω² = λ(K, M) of the equilibria before and after it, 1/s².
-    pub eigenvalues: [f64; 2],
     /// The size of the error of the load factor: by how much it changed as the interval around it was last narrowed. Zero at a
     /// limit point on a path by arc length or control, which a cubic through both equilibria gives.
     pub error: f64,
+    /// Lowest ω² = λ(K, M) of the equilibria before and after it, 1/s².
+    pub eigenvalues: [f64; 2],
 }
 
 /// The report of a search.

@@ -18,6 +18,38 @@ impl Path for Clock {
     }
 }
 
+/// The force f = c (−y, x) on coordinates 0 and 1 of node 0, which has no potential.
+pub struct Turning {
+    pub c: f64,
+    /// Coordinates per node.
+    pub block: usize,
+}
+
+impl Force for Turning {
+    fn name(&self) -> &str {
+        "turning force"
+    }
+    fn account(&self) -> ForceAccount {
+        ForceAccount::Force
+    }
+    fn stencils(&self) -> Stencils<'_> {
+        Stencils { arity: 1, block: self.block, nodes: &[0] }
+    }
+    fn depends_on_velocity(&self) -> bool {
+        false
+    }
+    fn forces(&self, _: Range<usize>, x: &[f64], _v: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+        (out[0], out[1]) = (-self.c * x[1], self.c * x[0]);
+    }
+    fn stiffness(&self, _: Range<usize>, _x: &[f64], _v: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn damping(&self, _: Range<usize>, _x: &[f64], _v: &[f64], _t: f64, out: &mut [f64]) {
+        out.fill(0.0);
+    }
+}
+
 /// The force f = a + b x − c v on coordinate 0.
 pub struct Linear {
     a: f64,

@@ -2,7 +2,9 @@
 
 use vi_core::problems::{Jet, Term};
 use vi_core::{Coordinates, Fixed, HessianKind, Potential, Prescribed, State, System};
-use vi_solvers::{ModeOptions, modes};
+use vi_solvers::{ModeOptions, SolverError, modes};
+
+use crate::forces::Turning;
 
 /// Returns unit masses connected by springs of zero length, V = ½ Σ |x_a − x_(a+1)|²: every frequency is triple.
 fn chain(nodes: u32, clamped: bool) -> (System, State) {
@@ -103,4 +105,33 @@ fn more_modes_than_unknowns_are_all_there_are() {
     let found =
         modes(&system, &state, vec![], &ModeOptions { count: 50, ..Default::default() }).unwrap().modes;
     assert_eq!(found.len(), 6);
+}
+
+/// Modes of a tangent that is not symmetric are refused by the name of the force.
+#[test]
+fn an_unsymmetric_tangent_has_no_modes() {
+    let jet = |_: usize, x: &[f64; 2]| Jet {
+        energy: 0.5 * (x[0] * x[0] + 4.0 * x[1] * x[1]),
+        gradient: [x[0], 4.0 * x[1]],
+        hessian: [[1.0, 0.0], [0.0, 4.0]],
+    };
+    let system = || {
+        let term = Term { name: "springs", block: 2, nodes: vec![0], hessian: HessianKind::Constant, jet };
+        let system = System::new(vec![1.0; 2], vec![Box::new(term)], Coordinates::all_free(2)).unwrap();
+        (system, State { t: 0.0, q: vec![0.1, 0.2], p: vec![0.0; 2] })
+    };
+    let options = ModeOptions { count: 2, ..Default::default() };
+    let ((plain, state), (other, _)) = (system(), system());
+    let turned = plain.with_forces(vec![std::sync::Arc::new(Turning { c: 0.1, block: 2 })]).unwrap();
+    match modes(&turned, &state, vec![], &options) {
+        // The part of f along mode x is c, and ω² = 1.
+        Err(SolverError::Circulatory { force, size }) => {
+            assert!(force == "turning force" && (size - 0.1).abs() < 1e-6, "{force}: {size}");
+        }
+        other => panic!("{other:?}"),
+    }
+    // A force that is not turned has the symmetric tangent zero.
+    let pulled = other.with_forces(vec![std::sync::Arc::new(Turning { c: 0.0, block: 2 })]).unwrap();
+    let found = modes(&pulled, &state, vec![], &options).unwrap().modes;
+    assert!((found[0].omega_squared - 1.0).abs() < 1e-10, "{}", found[0].omega_squared);
 }

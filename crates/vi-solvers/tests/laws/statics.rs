@@ -1,6 +1,6 @@
 //! Tests equilibria against closed forms: snap-through, buckling, jumps, forces without a potential.
 
-use crate::forces::Linear;
+use crate::forces::{Linear, Turning};
 use crate::springs::{Springs, block};
 use vi_core::problems::{Jet, Term};
 use vi_core::{Coordinates, HessianKind, Path, Potential, Prescribed, State, Stencils, System, Traits};
@@ -354,6 +354,39 @@ fn a_bifurcation_on_a_path_does_not_depend_on_the_steps() {
         let findings = stepper.take_findings();
         let sought = format!("at load factor {exact:.6} a bifurcation");
         assert!(findings.len() == 1 && findings[0].starts_with(&sought), "{steps}: {findings:?}");
+    }
+}
+
+/// Under a force f = c (−y, x) the tangent of V = (1 − 2t)(x² + y²)/2 has the determinant (1 − 2t)² + c² and never becomes singular,
+/// though its symmetric part does: nothing buckles.
+#[test]
+fn a_force_without_a_potential_leaves_stability_undecided() {
+    let jet = |_: usize, x: &[f64; 3]| {
+        let [x, y, t] = *x;
+        let k = 1.0 - 2.0 * t;
+        Jet {
+            energy: 0.5 * k * (x * x + y * y),
+            gradient: [k * x, k * y, -(x * x + y * y)],
+            hessian: [[k, 0.0, -2.0 * x], [0.0, k, -2.0 * y], [-2.0 * x, -2.0 * y, 0.0]],
+        }
+    };
+    for arc_steps in [None, Some(50)] {
+        let term = Term { name: "spring", block: 3, nodes: vec![0], hessian: HessianKind::Varying, jet };
+        let path = Box::new(crate::forces::Clock);
+        let coordinates = Coordinates::new(3, vec![Prescribed { dofs: vec![2], path }]).unwrap();
+        let system = System::new(vec![1.0; 3], vec![Box::new(term)], coordinates).unwrap();
+        let system = system.with_forces(vec![std::sync::Arc::new(Turning { c: 0.5, block: 3 })]).unwrap();
+        let mut state = State { t: 0.0, q: vec![0.0; 2], p: vec![0.0; 2] };
+        let options = StaticOptions {
+            increment: 0.1,
+            largest_increment: 0.1,
+            arc_steps,
+            push: arc_steps.is_none().then_some(0.1),
+            ..Default::default()
+        };
+        let report = equilibrium(&system, &mut state, &options).unwrap();
+        assert_eq!(state.q, [0.0; 2]);
+        assert!(report.critical.is_empty() && report.jumps.is_empty(), "{report:?}");
     }
 }
 

@@ -169,7 +169,7 @@ impl Path {
         tangent: Tangent,
         (dt, iterations): (f64, u32),
     ) -> Result<LoadStep, SolverError> {
-        if search.options.find_critical {
+        if search.options.find_critical && search.balance.judges_stability() {
             let sense = self.sense(search, state, &next, &tangent);
             if sense != dt.signum() {
                 let load_factor = self.turning_load(search, state, &next, &tangent, [dt.signum(), sense]);
