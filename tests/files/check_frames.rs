@@ -4,8 +4,9 @@ use std::process::Command;
 
 use crate::program::Program;
 
-/// Runs two sheets without contact; at a nonzero speed one of them is thrown at the other.
-fn run(speed: f64) -> (Option<i32>, String) {
+/// Runs two sheets without contact; at a nonzero speed one of them is thrown at the other. Returns the exit code and the words of
+/// `check-frames`.
+fn run(speed: f64, more: &str) -> (Option<i32>, String) {
     let scene = format!(
         r#"
 [time]
@@ -25,6 +26,7 @@ material = {{ law = "st-venant-kirchhoff", young = 1e3, poisson = 0.3, density =
 [output]
 interval = 0.05
 precision = "f64"
+{more}
 "#
     );
     let program = Program::run(&scene);
@@ -38,12 +40,26 @@ precision = "f64"
 
 #[test]
 fn crossing_sheets_are_found_and_sheets_apart_are_not() {
-    let (code, text) = run(0.0);
+    let (code, text) = run(0.0, "");
     assert_eq!(code, Some(0), "{text}");
     assert!(text.contains("3 frames, 0 intersections"), "{text}");
-    let (code, text) = run(-5.0);
+    let (code, text) = run(-5.0, "");
     assert_eq!(code, Some(3), "{text}");
     assert!(text.contains("meets triangle"), "{text}");
+}
+
+/// Frames in pieces have the same intersections as whole ones.
+#[test]
+fn frames_in_pieces_are_judged_like_whole_ones() {
+    for speed in [0.0, -5.0] {
+        let (code, whole) = run(speed, "");
+        for most in [3, 10, 25] {
+            let (other, pieces) = run(speed, &format!("piece_points = {most}"));
+            assert_eq!(code, other, "{pieces}");
+            let count = |text: &str| text.lines().last().map(str::to_owned);
+            assert_eq!(count(&whole), count(&pieces), "{most}");
+        }
+    }
 }
 
 #[test]

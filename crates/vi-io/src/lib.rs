@@ -16,6 +16,7 @@ mod parted;
 mod pc2;
 mod pvd;
 mod pvtu;
+mod pvtu_read;
 mod read;
 mod replace;
 mod stl;

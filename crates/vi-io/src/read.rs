@@ -10,10 +10,11 @@ use crate::legacy::parse_vtk;
 use crate::mesh::MeshFile;
 use crate::obj::parse_obj;
 use crate::parted::PartedMesh;
+use crate::pvtu_read::{is_pvtu, read_pvtu};
 use crate::stl::parse_stl;
 use crate::vtu::parse_vtu;
 
-/// Reads a mesh file of any supported format, or the whole of a parted mesh, whose index is given.
+/// Reads a mesh file of any supported format, the whole of a parted mesh, whose index is given, or all pieces of a PVTU file.
 ///
 /// # Errors
 /// Returns [`IoError::System`] if it cannot be opened or read, [`IoError::UnknownFormat`], or the fault in its content.
@@ -26,6 +27,9 @@ pub fn read_mesh(path: &Path) -> Result<MeshFile, IoError> {
         action: "read",
         source,
     })?;
+    if is_pvtu(&bytes) {
+        return read_pvtu(&bytes, path);
+    }
     parse_mesh(&bytes, path)
 }
 
