@@ -45,7 +45,7 @@ pub enum Field {
     NodalEnergyDensity,
     /// Contact force per area without friction, Pa (points).
     ContactTraction,
-    /// Its magnitude, Pa (points).
+    /// Its size on the side of the point where it is larger, Pa: a sheet may be pressed from both sides (points).
     ContactPressure,
     /// Tangential velocity of the surface relative to the nearest opposite one, m/s; zero without contact (points).
     Slip,

@@ -3,8 +3,9 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
-use vi_contact::{ContactPotential, ContactTerm, Gap};
+use vi_contact::{ActivePair, ContactPotential, ContactTerm, Gap};
 use vi_core::{Impulse, Potential};
 
 use crate::model::ContactModel;
@@ -72,10 +73,42 @@ impl Default for ContactTotals {
 pub(super) struct ContactAt {
     /// Force per area without friction, Pa.
     pub(super) traction: [f64; 3],
+    /// Size of the traction on the side where it is larger, Pa: a sheet, or the edge of a body, may be pressed from both sides.
+    pub(super) pressure: f64,
     /// Gap to the opposite surface, at most the farthest gap, m.
     pub(super) gap: f64,
     /// Tangential velocity relative to the nearest opposite surface, m/s.
     pub(super) slip: [f64; 3],
+}
+
+/// The contact forces on the two sides of a node. The pair with the largest force shows which side is which. Pairs that count
+/// shared edges back pull, so that the way a pair pushes is that of its vector and not that of its force.
+#[derive(Debug, Clone, Copy, Default)]
+struct Sides {
+    /// The largest force of a pair, N, and the vector along which that pair pushes, m.
+    largest: f64,
+    outward: Vector3<f64>,
+    /// Sums of the forces of the pairs that push along `outward` and against it, N.
+    sums: [Vector3<f64>; 2],
+}
+
+impl Sides {
+    /// Takes the direction of a pair, if its force is the largest so far.
+    fn direct(&mut self, force: Vector3<f64>, push: Vector3<f64>) {
+        if force.norm() > self.largest {
+            (self.largest, self.outward) = (force.norm(), push);
+        }
+    }
+
+    /// Adds the force of a pair to its side, once the largest is known.
+    fn add(&mut self, force: Vector3<f64>, push: Vector3<f64>) {
+        self.sums[usize::from(push.dot(&self.outward) < 0.0)] += force;
+    }
+
+    /// Returns the size of the larger sum, N.
+    fn larger(&self) -> f64 {
+        self.sums[0].norm().max(self.sums[1].norm())
+    }
 }
 
 /// A force on a round rigid body.
@@ -248,11 +281,21 @@ impl ContactWatch {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let mut all = vec![ContactAt { gap: self.farthest_gap, ..ContactAt::default() }; x.len() / 3];
         let mut nearest = vec![f64::INFINITY; x.len() / 3];
-        for pair in near.contact().active(x) {
+        let mut sides = vec![Sides::default(); x.len() / 3];
+        let active = near.contact().active(x);
+        let push = |pair: &ActivePair, k: usize| pair.closest.vector * pair.closest.weights[k];
+        for pair in &active {
+            let gradient = pair.gradient(x);
+            for (k, &node) in pair.nodes.iter().enumerate().take(pair.shape.arity()) {
+                sides[node as usize].direct(gradient[k], push(pair, k));
+            }
+        }
+        for pair in active {
             let (gradient, sliding) = (pair.gradient(x), near.sliding(&pair, x, v));
             for (k, &node) in pair.nodes.iter().enumerate().take(pair.shape.arity()) {
                 let (at, weight) = (&mut all[node as usize], pair.closest.weights[k]);
                 (0..3).for_each(|axis| at.traction[axis] -= gradient[k][axis]);
+                sides[node as usize].add(gradient[k], push(&pair, k));
                 if weight != 0.0 && pair.gap < nearest[node as usize] {
                     nearest[node as usize] = pair.gap;
                     at.gap = pair.gap.min(at.gap);
@@ -262,8 +305,9 @@ impl ContactWatch {
         }
         let mut areas = vec![f64::INFINITY; x.len() / 3];
         surface.points().iter().for_each(|point| areas[point.node as usize] = point.area);
-        for (at, area) in all.iter_mut().zip(&areas) {
+        for ((at, sides), area) in all.iter_mut().zip(&sides).zip(&areas) {
             at.traction.iter_mut().for_each(|value| *value /= area);
+            at.pressure = sides.larger() / area;
         }
         all
     }

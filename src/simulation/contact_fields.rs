@@ -54,6 +54,7 @@ impl Simulation {
         }
         for (at, area) in all.iter_mut().zip(&areas) {
             at.traction.iter_mut().for_each(|value| *value /= area);
+            at.pressure = at.traction.iter().map(|value| value * value).sum::<f64>().sqrt();
         }
         of_field(field, all.into_iter())
     }
@@ -75,10 +76,9 @@ impl Simulation {
 
 /// Returns the values of a field.
 fn of_field(field: Field, values: impl Iterator<Item = ContactAt>) -> Vec<f64> {
-    let length = |v: [f64; 3]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
     match field {
         Field::ContactTraction => values.flat_map(|at| at.traction).collect(),
-        Field::ContactPressure => values.map(|at| length(at.traction)).collect(),
+        Field::ContactPressure => values.map(|at| at.pressure).collect(),
         Field::Slip => values.flat_map(|at| at.slip).collect(),
         _ => values.map(|at| at.gap).collect(),
     }

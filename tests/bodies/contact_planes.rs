@@ -134,3 +134,55 @@ fn frames_hold_contact_beside_a_rotating_plane() {
     // The area of a corner also represents its part of the sides.
     assert!(mean > 0.5 * weight && mean < 1.1 * weight, "{mean} {weight}");
 }
+
+/// A sheet between a floor and a plate carries the weight of the plate on both sides: its net traction is small, its pressure is not.
+#[test]
+fn a_pinched_sheet_has_the_pressure_of_its_sides() {
+    let program = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.1
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+damping = 2e-3
+distance = 2e-4
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+fixed = true
+[[body]]
+name = "s"
+sheet = { size = [0.1, 0.1], cells = [4, 4], origin = [0, 0, 0.0006] }
+material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0, area_density = 0.5, thickness = 1e-3 }
+[[body]]
+name = "plate"
+box = { size = [0.1, 0.1, 0.02], cells = [4, 4, 1], element = "hex8", origin = [0, 0, 0.0012] }
+material = { law = "linear", young = 1e7, poisson = 0, density = 10000 }
+[[probe]]
+name = "under"
+between = ["s", "floor"]
+sum = "contact_force"
+[[probe]]
+name = "pressure"
+body = "s"
+region = "sheet"
+mean = "contact_pressure"
+[[probe]]
+name = "traction"
+body = "s"
+region = "sheet"
+mean = "contact_traction.z"
+"#,
+    );
+    let history = program.history();
+    let last = |name: &str| history.column(name).last().copied().unwrap();
+    // 2 kg on 0.01 m², and 5 g of the sheet itself.
+    let pressure = 2.005 * 9.81 / 0.01;
+    assert!((0.01_f64.recip() * last("under.fz") / pressure - 1.0).abs() < 0.1, "{}", last("under.fz"));
+    let found = last("pressure.mean.contact_pressure");
+    assert!((found / pressure - 1.0).abs() < 0.05, "{found} {pressure}");
+    let net = last("traction.mean.contact_traction.z");
+    assert!(net.abs() < 0.02 * pressure, "{net}");
+}
