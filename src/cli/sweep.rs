@@ -90,7 +90,7 @@ pub(super) fn run(arguments: &SweepArguments) -> u8 {
             message!("error: {error}");
             return match error {
                 SweepError::Output { source, .. } => code_of(&source),
-                SweepError::TooMany => exit::BAD_INPUT,
+                SweepError::TooMany | SweepError::Overridden { .. } => exit::BAD_INPUT,
                 _ => exit::INPUT_OUTPUT,
             };
         }

@@ -74,6 +74,7 @@ pub fn sweep(options: &SweepOptions, watch: &dyn SweepWatch) -> Result<SweepRepo
 
 /// Returns all points; the last axis varies fastest.
 fn points(options: &SweepOptions) -> Result<Vec<Point>, SweepError> {
+    refuse_overridden(options)?;
     let count = options.axes.iter().try_fold(1_usize, |count, axis| count.checked_mul(axis.values.len()));
     let count = count.filter(|&count| count <= MOST_POINTS).ok_or(SweepError::TooMany)?;
     let mut points = Vec::with_capacity(count);
@@ -100,4 +101,21 @@ fn points(options: &SweepOptions) -> Result<Vec<Point>, SweepError> {
         Some(Err(problems)) if refused => Err(SweepError::Scene(problems.clone())),
         _ => Ok(points),
     }
+}
+
+/// Refuses keys that a later axis sets again, itself or with the table that holds it.
+fn refuse_overridden(options: &SweepOptions) -> Result<(), SweepError> {
+    let key_of = |set: &String| set.split_once('=').map_or(set.as_str(), |(key, _)| key).trim().to_owned();
+    let keys = options.overrides.iter().map(key_of).chain(options.axes.iter().map(|axis| axis.key.clone()));
+    // `body[0].name` is the same as `body.0.name`.
+    let keys: Vec<String> = keys.map(|key| key.replace('[', ".").replace(']', "")).collect();
+    for (number, later) in keys.iter().enumerate().skip(options.overrides.len()) {
+        let is_within = |key: &&String| {
+            key.strip_prefix(later.as_str()).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        if let Some(key) = keys[..number].iter().find(is_within) {
+            return Err(SweepError::Overridden { key: key.clone(), later: later.clone() });
+        }
+    }
+    Ok(())
 }

@@ -194,9 +194,19 @@ fn sweeps_that_cannot_be_made() {
     };
     let (code, words) = said(&["--over", "time.step=1:2:lin1000000000"]);
     assert!(code == Some(2) && words.contains("2 to 100000 values"), "{words}");
-    let axis = ["--over", "time.step=1:2:lin60000"];
-    let (code, words) = said(&[axis, axis, axis, axis, axis].concat());
+    let keys = ["time.step", "time.end", "body.0.material.young", "body.0.material.density", "gravity"];
+    let axes = keys.map(|key| format!("{key}=1:2:lin60000"));
+    let (code, words) = said(&axes.each_ref().map(|axis| ["--over", axis.as_str()]).concat());
     assert!(code == Some(2) && words.contains("more than 100000 points"), "{words}");
+    // What a later axis sets again has no effect.
+    let axis = ["--over", "time.step=1e-4,5e-5"];
+    for earlier in [axis, ["--set", "time.step=1e-3"], ["--over", "time.step=1e-3"]] {
+        let (code, words) = said(&[earlier, axis].concat());
+        assert!(code == Some(2) && words.contains("'time.step' has no effect"), "{words}");
+    }
+    let part = ["--over", "body[0].material.young=1e5,1e6"];
+    let (code, words) = said(&[part, ["--over", "body.0.material={law='linear'}"]].concat());
+    assert!(code == Some(2) && words.contains("'body.0.material.young' has no effect"), "{words}");
     let mut child = begun(directory, "out");
     let (code, words) = said(&OVER);
     assert!(code == Some(2) && words.contains(&format!("process {}", child.id())), "{words}");

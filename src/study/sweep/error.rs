@@ -34,6 +34,14 @@ pub enum SweepError {
         "the sweep has more than {MOST_POINTS} points: use fewer values, or divide it into several sweeps"
     )]
     TooMany,
+    /// A key without effect, because a later one sets the same.
+    #[error("'{key}' has no effect, because '{later}' is set after it in every point: leave one of them out")]
+    Overridden {
+        /// The key without effect.
+        key: String,
+        /// The later key.
+        later: String,
+    },
     /// Threads cannot be started.
     #[error("cannot start threads: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
