@@ -32,6 +32,7 @@ mod rigid_mesh;
 mod select;
 mod shape;
 mod sheets;
+mod shells;
 mod size;
 mod spacing;
 mod strikes;

@@ -284,7 +284,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
         for (index, rigid) in scene.rigids.iter().enumerate() {
             let form = match &rigid.shape {
                 Some(RigidShape::Mesh { file, scale }) => {
-                    let read = rigid_mesh::read(file, scale.unwrap_or(1.0));
+                    let read = rigid_mesh::read(file, scale.unwrap_or(1.0), !rigid.is_prescribed());
                     read.map_err(|message| self.say(format!("rigid[{index}].shape"), message)).ok()
                 }
                 shape => shape.as_ref().map(form),

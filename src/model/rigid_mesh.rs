@@ -8,13 +8,14 @@ use vi_mesh::{Surface, orient_triangles};
 
 use super::import::sheet;
 use super::shape::Form;
+use super::shells;
 
 /// Reads the solid within a surface mesh, or within the boundary of a mesh of solids. `scale` is in metres per unit of
-/// the file.
+/// the file. If the mass of the body matters, the shells of the surface must bound a solid.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read, or its surface does not enclose a volume.
-pub(super) fn read(path: &Path, scale: f64) -> Result<Form, String> {
+pub(super) fn read(path: &Path, scale: f64, has_mass: bool) -> Result<Form, String> {
     let mut file = vi_io::read_mesh(path).map_err(|error| error.to_string())?;
     let wrong = |message: String| format!("{}: {message}", path.display());
     let is_solid = file.mesh.blocks.iter().any(|block| block.kind.dimension() == 3);
@@ -29,7 +30,16 @@ pub(super) fn read(path: &Path, scale: f64) -> Result<Form, String> {
     mesh.points.iter_mut().for_each(|x| *x = x.map(|x| scale * x));
     let surface = Surface::of_body(&mesh, if is_solid { 3 } else { 2 });
     let triangles = surface.map_err(|error| wrong(error.to_string()))?.triangles();
-    enclosed(&mesh.points, triangles).map_err(wrong)
+    let form = enclosed(&mesh.points, triangles).map_err(wrong)?;
+    // Messages name positions of the file.
+    let fault = || {
+        let place = |x: &[f64; 3]| [0, 1, 2].map(|k| (x[k] + form.centre[k]) / scale);
+        shells::fault(&form.points.iter().map(place).collect::<Vec<_>>(), &form.triangles)
+    };
+    match has_mass.then(fault).flatten() {
+        Some(fault) => Err(wrong(fault)),
+        None => Ok(form),
+    }
 }
 
 /// Returns the solid within a closed surface.
