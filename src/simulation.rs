@@ -10,6 +10,7 @@ mod contact_fields;
 mod contact_report;
 mod crossing;
 mod failure;
+mod idle;
 mod inertia;
 mod march;
 pub mod matrices;
@@ -295,6 +296,7 @@ impl Simulation {
         simulation.tell_of_passing();
         simulation.tell_of_inertia();
         simulation.tell_of_circulation();
+        simulation.tell_of_idle();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }

@@ -90,11 +90,12 @@ fn results(results: &Results) {
     }
     for (number, reaction) in results.reactions.iter().enumerate().take(MOST) {
         let on = match &reaction.region {
-            Some(region) => format!("region '{region}' of '{}'", reaction.body),
-            None => format!("{} nodes of '{}'", reaction.nodes, reaction.body),
+            Some(region) => format!("fix {number}, region '{region}' of '{}'", reaction.body),
+            None if reaction.nodes == 0 => format!("the support of '{}'", reaction.body),
+            None => format!("fix {number}, {} nodes of '{}'", reaction.nodes, reaction.body),
         };
         out!(
-            "reaction of fix {number}, {on}: force {} N, moment {} N m about {} m",
+            "reaction of {on}: force {} N, moment {} N m about {} m",
             vector(reaction.force),
             vector(reaction.moment),
             vector(reaction.centroid)

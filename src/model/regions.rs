@@ -36,7 +36,8 @@ impl RegionProbe {
         let is_of_cells =
             |(_, quantity): &(_, Quantity)| matches!(quantity.field.of_elements(), Some((_, false)));
         let mut elements = Vec::new();
-        if quantities.iter().any(is_of_cells) {
+        // The check of the scene refuses fields of solids on sheets.
+        if body.scene.dimension() == 3 && quantities.iter().any(is_of_cells) {
             let selected = select::elements(mesh, body.scene.dimension(), &probe.on)?;
             let parts = body.materials.iter().enumerate();
             let entry_of: HashMap<u32, usize> = parts

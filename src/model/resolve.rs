@@ -230,6 +230,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
             } else if let Some(body) = self.body(&probe.body) {
                 match RegionProbe::new(probe, body) {
                     Ok(found) => of_regions.push(found),
+                    Err(("", message)) => self.say(key, message),
                     Err((part, message)) => self.say(format!("{key}.{part}"), message),
                 }
             }

@@ -180,7 +180,9 @@ impl Report {
             });
         }
         let cut = simulation.substeps();
-        let is_symmetric = simulation.method().facts().is_symmetric && simulation.scene().statics.is_none();
+        let is_symmetric = simulation.method().facts().is_symmetric
+            && simulation.scene().statics.is_none()
+            && !simulation.may_dissipate();
         let was_hard = cut.steps > cut.halved;
         self.substeps = json!({ "steps_cut": cut.steps, "substeps": cut.substeps,
                                 "steps_halved_by_guard": cut.halved,

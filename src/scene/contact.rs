@@ -69,6 +69,14 @@ pub struct ContactPair {
     pub stiffness: Option<f64>,
 }
 
+impl ContactPair {
+    /// Returns whether it replaces no value.
+    pub(super) fn is_empty(&self) -> bool {
+        let Self { between: _, friction, damping, distance, stiffness } = self;
+        [friction, damping, distance, stiffness].iter().all(|value| value.is_none())
+    }
+}
+
 /// Returns whether these are the names of a pair, in either order.
 fn is_pair([c, d]: &[String; 2], a: &str, b: &str) -> bool {
     (c == a && d == b) || (c == b && d == a)

@@ -1,4 +1,5 @@
-//! Refuses pairs, probes and exclusions of bodies between which there is no contact, so that they would have no effect.
+//! Refuses pairs, probes and exclusions of bodies between which there is no contact, and pairs without a value, so that they would have
+//! no effect.
 
 use super::{Contact, Problem, Rigid, Scene};
 
@@ -28,6 +29,10 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
         what: "pair",
         between,
     });
+    let empty = contact.pairs.iter().enumerate().filter(|(_, pair)| pair.is_empty()).map(|(i, _)| {
+        let message = "names two bodies and no value for them: give `friction`, `damping`, `distance` or `stiffness`, or remove it";
+        Problem::new(format!("contact.pair[{i}]"), message)
+    });
     let forces = pairs.chain(probes).filter_map(|naming| {
         let reason = surfaceless(scene, naming.between).or_else(|| forceless(scene, contact, &naming))?;
         Some(naming.without_effect(&reason))
@@ -36,7 +41,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
         let reason = surfaceless(scene, naming.between)?;
         Some(naming.without_effect(&reason))
     });
-    forces.chain(exclusions).collect()
+    empty.chain(forces).chain(exclusions).collect()
 }
 
 impl Naming<'_> {

@@ -4,6 +4,7 @@
 use vi_core::{HessianKind, System};
 use vi_solvers::{Method, SolverError};
 
+use super::{Component, Simulation};
 use crate::scene::{Problem, Scene};
 
 /// Returns whether the end of a free path can lie outside the domain of a term. This is so for a fixed term if its first stencil has
@@ -44,6 +45,17 @@ pub(super) fn is_worked_on(system: &System) -> bool {
     system.coordinates().is_moving()
         || !system.forces().is_empty()
         || system.potentials().iter().any(|term| term.traits().time_dependent)
+}
+
+impl Simulation {
+    /// Returns whether friction or damping may take energy, so that a run backwards does not come back to its start.
+    pub(crate) fn may_dissipate(&self) -> bool {
+        let contact = self.scene.contact.as_ref();
+        let depends =
+            |component: &Component| component.system.forces().iter().any(|force| force.depends_on_velocity());
+        contact.is_some_and(|contact| contact.has_friction() || contact.is_damped())
+            || self.components.iter().any(depends)
+    }
 }
 
 /// Returns the problem of a system that several ranks cannot share.

@@ -363,6 +363,13 @@ fn one_mistake_is_one_problem() {
             "`min` must not exceed",
         ),
         (without("step = 0.01", "step = 0.01\nstp = 0.02"), "unknown key `stp`; did you mean `step`?"),
+        (
+            without("mesh = \"MESHES/beam.msh\"", "sheet = { size = [1, 1], cells = [2, 2] }")
+                .replace("density = 1000.0", "density = 1000.0, thickness = 0.01")
+                .replace("\"clamp\"", "\"x-min\"")
+                + "[[probe]]\nname = \"q\"\nbody = \"beam\"\nmax = \"stress\"\n",
+            "probe[0].max",
+        ),
     ] {
         let program = Program::check(&scene);
         let errors = program.errors();

@@ -51,6 +51,41 @@ density = 1000.0
     );
 }
 
+/// Values that could have no effect are refused, and those that act otherwise than they say are noted.
+#[test]
+fn values_without_effect() {
+    let pair = "[contact]\n[[contact.pair]]\nbetween = [\"beam\", \"beam\"]\n";
+    refused(&format!("{GOOD}{pair}"), &["contact.pair[0]", "no value", "`friction`"]);
+    assert_eq!(Program::check(&format!("{GOOD}{pair}friction = 0.1\n")).code(), Some(0));
+    let loaded = |region: &str, push: &str| {
+        let statics = format!("[static]\n{push}");
+        let scene = GOOD.replace("scheme = \"stormer-verlet\"\n", &statics);
+        format!(
+            "{scene}[[load]]\nkind = \"pressure\"\nbody = \"beam\"\nregion = \"{region}\"\npressure = 1.0\n"
+        )
+    };
+    refused(&loaded("tip", "push = 1e-3\n"), &["static.push", "load[0]: pressure", "no potential"]);
+    let notes = |scene: &str| {
+        let program = Program::run(scene);
+        program.report()["notes"].to_string()
+    };
+    let found = notes(&loaded("tip", ""));
+    assert!(found.contains("not whether they are stable"), "{found}");
+    let far = "[[probe]]\nname = \"p\"\nbody = \"beam\"\npoint = [-99.0, 0.0, 0.0]\n\
+               [[probe]]\nname = \"near\"\nbody = \"beam\"\npoint = [0.1, 0.1, 0.1]\n";
+    let found = notes(&format!("{GOOD}{far}"));
+    assert!(found.contains("probe[0].point is") && !found.contains("probe[1].point is"), "{found}");
+    let load = "[[load]]\nkind = \"force\"\nbody = \"beam\"\nregion = \"REGION\"\nforce = [0, 0, 1]\n";
+    for (region, idle) in [("clamp", true), ("tip", false)] {
+        let found = notes(&format!("{GOOD}{}", load.replace("REGION", region)));
+        assert_eq!(found.contains("load[0] acts on held nodes alone"), idle, "{found}");
+    }
+    let rigid = "[damping]\nmass_rate = 2.5\n[[rigid]]\nname = \"r\"\nshape = { kind = \"sphere\", radius = 0.1 }\n\
+                 density = 1000.0\n";
+    let found = notes(&format!("{GOOD}{rigid}"));
+    assert!(found.contains("not on rigid bodies, such as 'r'"), "{found}");
+}
+
 /// Pairs, probes and exclusions of bodies between which there is no contact are refused, with the key and the reason.
 #[test]
 fn contact_of_bodies_that_do_not_meet() {

@@ -1,0 +1,95 @@
+//! Tells of what a scene asks for that has no effect on the motion, or acts elsewhere than it says.
+
+use std::collections::HashSet;
+
+use vi_core::{Stencils, System};
+
+use super::Simulation;
+use crate::scene::Load;
+
+impl Simulation {
+    /// Adds notes on points far from the bodies on which they name a node, on loads that act on held nodes alone, and on damping that
+    /// does not act on rigid bodies.
+    pub(super) fn tell_of_idle(&mut self) {
+        let mut notes = self.far_points();
+        notes.extend(self.held_loads());
+        let damping = self.scene.damping.as_ref().is_some_and(|damping| damping.mass_rate != 0.0);
+        if let Some(rigid) = self.scene.rigids.iter().find(|rigid| damping && !rigid.is_prescribed()) {
+            notes.push(format!(
+                "`damping.mass_rate` acts on bodies of elements and not on rigid bodies, such as '{}'",
+                rigid.name
+            ));
+        }
+        self.notes.extend(notes);
+    }
+
+    /// Returns a note for each point that lies outside the box of its body by more than the diagonal of the box.
+    fn far_points(&self) -> Vec<String> {
+        let probes = self.scene.probes.iter().enumerate();
+        let probes = probes.map(|(k, probe)| (format!("probe[{k}]"), Some(probe.body.as_str()), probe.point));
+        let loads = self.scene.loads.iter().enumerate().map(|(k, load)| match load {
+            Load::Point { body, point, .. } => (format!("load[{k}]"), Some(body.as_str()), *point),
+            _ => (String::new(), None, None),
+        });
+        let springs = self.scene.springs.iter().enumerate().flat_map(|(k, spring)| {
+            [&spring.from, &spring.to].map(|end| (format!("spring[{k}]"), end.body.as_deref(), end.point))
+        });
+        let mut notes = Vec::new();
+        for (key, body, point) in probes.chain(loads).chain(springs) {
+            let (Some(body), Some(point)) = (body, point) else { continue };
+            let Some(body) = self.bodies.iter().find(|other| other.name == body) else { continue };
+            let mut ends = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+            for x in &body.mesh.points {
+                for k in 0..3 {
+                    ends[0][k] = ends[0][k].min(x[k]);
+                    ends[1][k] = ends[1][k].max(x[k]);
+                }
+            }
+            let [low, high] = ends;
+            let outside = |k: usize| (low[k] - point[k]).max(point[k] - high[k]).max(0.0);
+            let length = |part: &dyn Fn(usize) -> f64| (0..3).map(|k| part(k).powi(2)).sum::<f64>().sqrt();
+            let (distance, size) = (length(&outside), length(&|k| high[k] - low[k]));
+            if distance > size {
+                notes.push(format!(
+                    "{key}.point is {distance:.3e} m away from '{}', which is {size:.3e} m long: the nearest node is taken",
+                    body.name
+                ));
+            }
+        }
+        notes
+    }
+
+    /// Returns a note for each load all of whose nodes are held.
+    fn held_loads(&self) -> Vec<String> {
+        let mut held: Vec<Option<bool>> = vec![None; self.scene.loads.len()];
+        for component in &self.components {
+            let system = &component.system;
+            let fixed = prescribed(system);
+            let terms = system.potentials().iter().filter(|term| term.elsewhere().is_none());
+            let terms = terms.map(|term| (term.name(), term.stencils()));
+            let forces = system.forces().iter().map(|force| (force.name(), force.stencils()));
+            for (name, stencils) in terms.chain(forces) {
+                let number = name.strip_prefix("load[").and_then(|rest| rest.split(']').next()?.parse().ok());
+                let Some(all) = number.and_then(|number: usize| held.get_mut(number)) else { continue };
+                *all = Some(all.unwrap_or(true) && is_held(&stencils, &fixed));
+            }
+        }
+        let is_idle = |(_, held): &(usize, Option<bool>)| *held == Some(true);
+        let idle = held.into_iter().enumerate().filter(is_idle);
+        idle.map(|(number, _)| {
+            format!("load[{number}] acts on held nodes alone: their supports take all of it")
+        })
+        .collect()
+    }
+}
+
+/// Returns the prescribed coordinates of a system.
+fn prescribed(system: &System) -> HashSet<u32> {
+    system.coordinates().prescribed().iter().flat_map(|group| group.dofs.iter().copied()).collect()
+}
+
+/// Returns whether all coordinates of the nodes of some stencils are in the set.
+fn is_held(stencils: &Stencils<'_>, prescribed: &HashSet<u32>) -> bool {
+    let block = stencils.block as u32;
+    stencils.nodes.iter().all(|&node| (block * node..block * (node + 1)).all(|dof| prescribed.contains(&dof)))
+}
