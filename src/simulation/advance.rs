@@ -112,6 +112,15 @@ impl Simulation {
         self.scene.contact.is_some() && self.scene.statics.is_none() && self.method.facts().is_explicit
     }
 
+    /// Returns whether friction or damping may take energy, so that a run backwards does not come back to its start.
+    pub(crate) fn may_dissipate(&self) -> bool {
+        let contact = self.scene.contact.as_ref();
+        let depends =
+            |component: &Component| component.system.forces().iter().any(|force| force.depends_on_velocity());
+        contact.is_some_and(|contact| contact.has_friction() || contact.is_damped())
+            || self.components.iter().any(depends)
+    }
+
     /// Records gaps and forces after a step.
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;

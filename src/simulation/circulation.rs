@@ -1,21 +1,8 @@
 //! Tells that equilibria under loads without a potential are not judged: their stability is not that of a symmetric stiffness.
 
-use vi_core::System;
 use vi_solvers::circulatory;
 
 use super::Simulation;
-use crate::scene::{Problem, Scene};
-
-/// Returns the problem of a scene whose statics shall leave unstable paths of a system whose stability is not judged.
-pub(super) fn problem_of_push(scene: &Scene, system: &System) -> Option<Problem> {
-    scene.statics.as_ref()?.push?;
-    let name = circulatory(system)?;
-    let message = format!(
-        "'{name}' has no potential, so that a symmetric stiffness does not tell where a path becomes unstable: leave out `push`, \
-         or follow the motion by a scheme in [time]"
-    );
-    Some(Problem::new("static.push", message))
-}
 
 impl Simulation {
     /// Adds a note on the first load without a potential in statics.

@@ -2,9 +2,8 @@
 //! ranks cannot share becomes a problem of the scene.
 
 use vi_core::{HessianKind, System};
-use vi_solvers::{Method, SolverError};
+use vi_solvers::{Method, SolverError, circulatory};
 
-use super::{Component, Simulation};
 use crate::scene::{Problem, Scene};
 
 /// Returns whether the end of a free path can lie outside the domain of a term. This is so for a fixed term if its first stencil has
@@ -47,15 +46,15 @@ pub(super) fn is_worked_on(system: &System) -> bool {
         || system.potentials().iter().any(|term| term.traits().time_dependent)
 }
 
-impl Simulation {
-    /// Returns whether friction or damping may take energy, so that a run backwards does not come back to its start.
-    pub(crate) fn may_dissipate(&self) -> bool {
-        let contact = self.scene.contact.as_ref();
-        let depends =
-            |component: &Component| component.system.forces().iter().any(|force| force.depends_on_velocity());
-        contact.is_some_and(|contact| contact.has_friction() || contact.is_damped())
-            || self.components.iter().any(depends)
-    }
+/// Returns the problem of a scene whose statics shall leave unstable paths of a system whose stability is not judged.
+pub(super) fn problem_of_push(scene: &Scene, system: &System) -> Option<Problem> {
+    scene.statics.as_ref()?.push?;
+    let name = circulatory(system)?;
+    let message = format!(
+        "'{name}' has no potential, so that a symmetric stiffness does not tell where a path becomes unstable: leave out `push`, \
+         or follow the motion by a scheme in [time]"
+    );
+    Some(Problem::new("static.push", message))
 }
 
 /// Returns the problem of a system that several ranks cannot share.
