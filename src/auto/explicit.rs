@@ -28,7 +28,8 @@ const FROM_DIFFERENCE: f64 = 4.0 / 3.0;
 const SMALL: f64 = 0.1;
 /// Errors that grow by more than this factor when the time doubles grow faster than t^2.5.
 const FAST: f64 = 5.7;
-/// A scheme that fails at its limit is tried this often with half the step, because bodies stiffen as they deform.
+/// A scheme that fails at its limit is tried this often with half the step, because bodies stiffen as they deform. Later trials of the
+/// chain then start from as many halvings, so that no two of them are the same run.
 const RETRIES: u32 = 3;
 
 struct Solution {
@@ -49,8 +50,10 @@ impl Search<'_> {
         let pays = self.scene.contact.is_none() || self.aim < PAYS_IN_CONTACT;
         let mut takes_higher = pays && HIGHER.iter().all(|&scheme| self.accepts(scheme, None));
         let mut found = None;
+        // Halvings that failed trials required.
+        let mut halved = 0;
         for number in 0..LONGEST {
-            let Some(mut choice) = self.link(number, parts, takes_higher) else { break };
+            let mut choice = self.link(number, halved, parts, takes_higher);
             let per_force = chain.last().map(cost_per_force);
             let forces = choice.method().facts().forces_per_step.max(1) as f64;
             let expected = per_force.map_or(0.0, |cost| cost * forces * choice.steps as f64 * size);
@@ -62,8 +65,8 @@ impl Search<'_> {
             let mut tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
             if number == 1 && tried.is_err() && choice.scheme == SchemeName::BlanesMoan4 {
                 takes_higher = self.cost(choice)?.is_some();
-                if !takes_higher && let Some(other) = self.link(number, parts, false) {
-                    choice = other;
+                if !takes_higher {
+                    choice = self.link(number, halved, parts, false);
                     tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
                 }
             }
@@ -72,6 +75,7 @@ impl Search<'_> {
                     break;
                 }
                 choice.steps *= 2;
+                halved += 1;
                 tried = self.trial(choice, stretch.clone(), f64::INFINITY)?;
             }
             let Ok(trial) = tried else { break };
@@ -112,15 +116,16 @@ impl Search<'_> {
         sizes.find(|size| FIRST_THREE * seconds * size <= self.left())
     }
 
-    /// Returns trial number 0, 1, … of the chain.
-    fn link(&self, number: u32, parts: u64, takes_higher: bool) -> Option<Choice> {
-        let times = |choice: Choice, halved: u32| Choice { steps: choice.steps << halved, ..choice };
-        Some(match number {
-            0 => self.limit(SchemeName::StormerVerlet, parts),
-            number if !takes_higher => times(self.limit(SchemeName::StormerVerlet, parts), number),
-            1 => self.limit(SchemeName::BlanesMoan4, parts),
-            number => times(self.limit(SchemeName::BlanesMoan6, parts), number - 2),
-        })
+    /// Returns trial number 0, 1, … of the chain, with its step halved `halved` times.
+    fn link(&self, number: u32, halved: u32, parts: u64, takes_higher: bool) -> Choice {
+        let (scheme, more) = match number {
+            0 => (SchemeName::StormerVerlet, 0),
+            number if !takes_higher => (SchemeName::StormerVerlet, number),
+            1 => (SchemeName::BlanesMoan4, 0),
+            number => (SchemeName::BlanesMoan6, number - 2),
+        };
+        let choice = self.limit(scheme, parts);
+        Choice { steps: choice.steps << (halved + more), ..choice }
     }
 
     /// Returns the relative error of a solution at the end of the run, compared with a much more accurate one.
