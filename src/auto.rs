@@ -23,7 +23,7 @@ use serde::Serialize;
 use crate::auto::trial::{Choice, TrialWatch};
 use crate::scene::{MassKind, Problem, Scene, SchemeName, Time};
 use crate::simulation::Simulation;
-use crate::simulation::stability::{highest, rotation};
+use crate::simulation::stability::{rates, rotation};
 pub use candidate::Candidate;
 use search::{Search, Stopped, Verlet};
 
@@ -116,14 +116,15 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     if simulation.components().iter().all(|component| component.stepper().is_none()) {
         return Ok((start, AutoReport::of_rest(tolerance)));
     }
-    let found = highest(&simulation).map_err(|error| {
+    let rates = rates(&simulation).map_err(|error| {
         let message =
             format!("\"auto\" needs the highest frequency of the scene: {error}; or name scheme and step");
         SettleError::Scene(vec![Problem::new("time.scheme", message)])
     })?;
     // If no force changes with position and nothing turns, as in free flight, the trials alone decide.
-    let omega = found.unwrap_or(0.0).max(rotation(&simulation));
-    let mut search = Search::new(scene, watch, &simulation, omega, SAFETY * tolerance);
+    let turning = rotation(&simulation);
+    let omega = rates.iter().map(|rates| rates.omega).fold(turning, f64::max);
+    let mut search = Search::new(scene, watch, &simulation, (rates, turning), SAFETY * tolerance);
     drop(simulation);
     let verlet = search.limit(SchemeName::StormerVerlet, 1);
     let stable = search.stable_steps(SchemeName::StormerVerlet);

@@ -7,6 +7,7 @@ use super::activity;
 use super::candidate::Candidate;
 use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, TrialWatch, run};
 use crate::scene::{Scene, SchemeName};
+use crate::simulation::stability::{Rates, limiting};
 use crate::simulation::{Component, Simulation};
 
 /// The implicit schemes that are tried, with their numbers of stages.
@@ -41,7 +42,9 @@ pub(super) struct Search<'a> {
     pub(super) scene: &'a Scene,
     watch: &'a mut dyn TrialWatch,
     pub(super) norm: Norm,
-    omega: f64,
+    rates: Vec<Rates>,
+    /// Highest frequency of the motion with which rigid bodies start, rad/s.
+    turning: f64,
     /// Schemes that do not accept the scene: they are not tried.
     refused: Vec<Choice>,
     /// The target relative error.
@@ -79,7 +82,7 @@ impl<'a> Search<'a> {
         scene: &'a Scene,
         watch: &'a mut dyn TrialWatch,
         simulation: &Simulation,
-        omega: f64,
+        (rates, turning): (Vec<Rates>, f64),
         aim: f64,
     ) -> Self {
         let norm = Norm::new(simulation);
@@ -90,7 +93,8 @@ impl<'a> Search<'a> {
             scene,
             watch,
             norm,
-            omega,
+            rates,
+            turning,
             aim,
             budget: f64::INFINITY,
             coarsest: activity::resolving_steps(scene, COARSEST),
@@ -127,9 +131,11 @@ impl<'a> Search<'a> {
     /// Returns the number of steps of an explicit scheme at its recommended limit.
     pub(super) fn stable_steps(&self, scheme: SchemeName) -> u64 {
         let choice = Choice { scheme, stages: None, steps: 1 };
-        let limit = choice.method().facts().recommended_limit.unwrap_or(1.0);
+        let method = choice.method();
+        let limit = method.facts().recommended_limit.unwrap_or(1.0);
         let limit = if self.scene.contact.is_some() { IN_CONTACT * limit } else { limit };
-        (self.scene.time.end * self.omega / limit).ceil() as u64
+        let omega = limiting(&self.rates, method).max(self.turning);
+        (self.scene.time.end * omega / limit).ceil() as u64
     }
 
     /// Runs a trial over a part of the run, for at most `seconds` of the reference machine and the remaining budget.

@@ -65,6 +65,8 @@ struct SceneFacts {
     /// Limit of explicit steps, s, and the frequency that determines it, rad/s.
     step_limit: Option<f64>,
     highest_frequency: Option<f64>,
+    /// The rate of damping that determines it too, 1/s.
+    damping_rate: Option<f64>,
     notes: Vec<String>,
 }
 
@@ -281,6 +283,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
         contact: meetings(&simulation),
         step_limit: limit.as_ref().map(|limit| limit.step_limit),
         highest_frequency: limit.as_ref().map(|limit| limit.highest_frequency),
+        damping_rate: limit.as_ref().map(|limit| limit.damping_rate),
         notes: simulation.notes().iter().cloned().chain(unknown).collect(),
     })
 }
@@ -348,7 +351,11 @@ fn say_scene(path: &Path, facts: &SceneFacts) {
         }
     }
     if let (Some(limit), Some(highest)) = (facts.step_limit, facts.highest_frequency) {
-        out!("explicit step limit {limit:.4e} s (highest frequency {highest:.4e} rad/s)");
+        let damping = match facts.damping_rate {
+            Some(rate) if rate > 0.0 => format!(", damping up to {rate:.4e} 1/s"),
+            _ => String::new(),
+        };
+        out!("explicit step limit {limit:.4e} s (highest frequency {highest:.4e} rad/s{damping})");
     }
     for note in &facts.notes {
         out!("note     {note}");

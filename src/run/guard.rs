@@ -1,6 +1,7 @@
 //! The energy guard detects energy that nothing has put in.
 //!
-//! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping. It
+//! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping. Damping only takes
+//! energy, so what it brings back, its work above the least work so far, is growth too. It
 //! is judged relative to the exchange, the largest energy that motion and deformation were given: max over time of
 //! H₀ + W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
 
@@ -46,9 +47,11 @@ pub(crate) struct Growth {
     pub(crate) exchange: f64,
     /// Growth at the last intervention, which is accepted, J.
     accepted: f64,
+    /// Least work of damping so far, J.
+    damped: f64,
 }
 
-record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64 });
+record!(Growth { now: f64, largest: f64, exchange: f64, accepted: f64, damped: f64 });
 
 /// Snapshot of the guard.
 struct Watched {
@@ -152,7 +155,9 @@ impl EnergyGuard {
             .into_iter()
             .chain([parts.prescribed, parts.damping])
             .fold(0.0, |scale: f64, part| scale.max(part.abs()));
-        growth.now = seen.total() - ledger.initial - parts.work() - NOISE * scale - self.resolution;
+        growth.damped = growth.damped.min(parts.damping);
+        let brought = parts.damping - growth.damped;
+        growth.now = seen.total() - ledger.initial - parts.work() + brought - NOISE * scale - self.resolution;
         growth.largest = growth.largest.max(growth.now);
     }
 

@@ -135,8 +135,8 @@ impl Report {
             components: json!({ "count": components.len(), "without_free_coordinates": idle }),
             stability: match found {
                 Ok(Some(note)) => {
-                    json!({ "highest_frequency": note.highest_frequency, "step_limit": note.step_limit,
-                                          "exceeded": note.warning().is_some() })
+                    json!({ "highest_frequency": note.highest_frequency, "damping_rate": note.damping_rate,
+                            "step_limit": note.step_limit, "exceeded": note.warning().is_some() })
                 }
                 Ok(None) => Value::Null,
                 Err(error) => json!({ "unknown": error.to_string() }),

@@ -78,8 +78,8 @@ impl Asked {
 pub(super) struct Adaptive {
     /// Largest hω with the mean frequency ω of the motion.
     accuracy: f64,
-    /// Largest hω with the highest frequency ω, for explicit schemes.
-    stability: Option<f64>,
+    /// The scheme.
+    method: Method,
     /// Whether the end of an interval counts; false only to show what happens without it.
     pub(super) is_symmetric: bool,
 }
@@ -98,13 +98,13 @@ impl Adaptive {
             _ => 100_800.0,
         };
         let accuracy = (constant * tolerance).powf(1.0 / facts.order.max(1) as f64);
-        Self { accuracy, stability: facts.stability_limit.map(|limit| SHARE * limit), is_symmetric: true }
+        Self { accuracy, method, is_symmetric: true }
     }
 
-    /// Returns the longest step of an explicit scheme at a state whose highest frequency is ω (rad/s), s; `None` if stability does not
-    /// limit it.
-    pub(super) fn longest_stable(&self, omega: f64) -> Option<f64> {
-        self.stability.map(|limit| limit / omega)
+    /// Returns the largest hω of an explicit scheme with the frequency ω that limits its step
+    /// ([`Method::limiting_frequency`]); `None` if stability does not limit it.
+    pub(super) fn stability(&self) -> Option<f64> {
+        self.method.facts().stability_limit.map(|limit| SHARE * limit)
     }
 
     /// Returns the density of steps that a state asks for, 1/s.
@@ -115,8 +115,12 @@ impl Adaptive {
             return Ok(*density);
         }
         let motion = asked.frequencies.of_motion(system, state)?;
-        let stability = match self.stability {
-            Some(limit) => asked.frequencies.highest(system, state)? / limit,
+        let stability = match self.stability() {
+            Some(limit) => {
+                let omega = asked.frequencies.highest(system, state)?;
+                let rate = asked.frequencies.damping_rate(system, state, omega)?;
+                self.method.limiting_frequency(omega, rate) / limit
+            }
             None => 0.0,
         };
         let density = (motion / self.accuracy).max(stability);

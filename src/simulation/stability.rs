@@ -1,4 +1,4 @@
-//! Compares an explicit step with its stability limit before the run, using the highest frequency of the scene.
+//! Compares an explicit step with its stability limit before the run, using the highest frequency and damping rate of the scene.
 
 use rayon::prelude::*;
 use vi_core::{State, System};
@@ -17,7 +17,9 @@ pub struct StabilityNote {
     pub is_adaptive: bool,
     /// Highest angular frequency ω of the scene at its start, rad/s.
     pub highest_frequency: f64,
-    /// The largest stable step, (hω limit)/ω, s.
+    /// Highest rate at which velocities decay by damping at the start, 1/s.
+    pub damping_rate: f64,
+    /// The largest stable step, s: (hω limit)/ω with the [frequency that limits it](Method::limiting_frequency).
     pub step_limit: f64,
 }
 
@@ -44,11 +46,15 @@ impl StabilityNote {
         }
         let name = self.method.name();
         let (h, limit) = (self.step, self.step_limit);
+        let damping = match self.damping_rate {
+            0.0 => String::new(),
+            rate => format!(", damping up to {rate:.4e} 1/s"),
+        };
         Some(if limit == 0.0 {
             format!("{name} is unstable at any step: its energy grows; it is here for comparison")
         } else {
             format!(
-                "the step {h:.3e} s is above the stability limit {limit:.3e} s of {name} (highest frequency {:.4e} rad/s): \
+                "the step {h:.3e} s is above the stability limit {limit:.3e} s of {name} (highest frequency {:.4e} rad/s{damping}): \
                  the run will blow up; use a step of {:.3e} s or an implicit scheme",
                 self.highest_frequency,
                 0.9 * limit
@@ -57,21 +63,26 @@ impl StabilityNote {
     }
 }
 
-/// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes, or if nothing oscillates.
+/// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes, or if nothing oscillates or is damped.
 ///
 /// # Errors
 /// Returns the error of the first component with an unknown highest frequency: the limit is not known then.
 pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
     let Some(limit) = method.facts().stability_limit else { return Ok(None) };
-    let (highest, step, rule) = (highest(simulation)?, simulation.step_size(), simulation.adaptive);
-    let longest = |highest: f64| rule.and_then(|rule| rule.longest_stable(highest));
-    Ok(highest.map(|highest| StabilityNote {
+    let (rates, step, rule) = (rates(simulation)?, simulation.step_size(), simulation.adaptive);
+    let limiting = limiting(&rates, method);
+    if limiting == 0.0 {
+        return Ok(None);
+    }
+    let longest = rule.and_then(|rule| rule.stability()).map(|limit| limit / limiting);
+    Ok(Some(StabilityNote {
         method,
-        step: longest(highest).map_or(step, |longest| step.min(longest)),
+        step: longest.map_or(step, |longest| step.min(longest)),
         is_adaptive: rule.is_some(),
-        highest_frequency: highest,
-        step_limit: limit / highest,
+        highest_frequency: rates.iter().map(|rates| rates.omega).fold(0.0, f64::max),
+        damping_rate: rates.iter().map(|rates| rates.damping).fold(0.0, f64::max),
+        step_limit: limit / limiting,
     }))
 }
 
@@ -85,27 +96,56 @@ pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Metho
     }
 }
 
-/// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
-/// that changes with position.
+/// What limits the explicit steps of a component.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rates {
+    /// Highest angular frequency, rad/s.
+    pub omega: f64,
+    /// Highest rate at which velocities decay by damping, 1/s.
+    pub damping: f64,
+}
+
+/// Returns the largest of the [limiting frequencies](Method::limiting_frequency) of components, rad/s.
+pub fn limiting(rates: &[Rates], method: Method) -> f64 {
+    let of = |rates: &Rates| method.limiting_frequency(rates.omega, rates.damping);
+    rates.iter().map(of).fold(0.0, f64::max)
+}
+
+/// Returns the rates of all components that move, at the start of a scene.
 ///
 /// # Errors
-/// Returns the error of the first component whose frequency cannot be estimated.
-pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
+/// Returns the error of the first component whose rates cannot be estimated.
+pub fn rates(simulation: &Simulation) -> Result<Vec<Rates>, SolverError> {
     let moving: Vec<(&System, &State)> = simulation
         .components()
         .iter()
         .filter(|component| component.stepper().is_some())
         .map(|component| (component.system(), component.state()))
         .collect();
-    let frequency =
-        |&(system, state): &(&System, &State)| highest_frequency(system, state).map(|found| found.omega);
-    // Components whose terms other processes share must not be evaluated at the same time.
-    let found: Vec<f64> = if moving.iter().any(|(system, _)| system.terms().shared().is_some()) {
-        moving.iter().map(frequency).collect::<Result<_, _>>()?
-    } else {
-        moving.par_iter().map(frequency).collect::<Result<_, _>>()?
+    let of = |&(system, state): &(&System, &State)| {
+        let omega = highest_frequency(system, state)?.omega;
+        let damping = match system.forces().is_empty() {
+            true => 0.0,
+            false => Frequencies::new(system).damping_rate(system, state, omega)?,
+        };
+        Ok(Rates { omega, damping })
     };
-    Ok(found.into_iter().reduce(f64::max).filter(|omega| *omega > 0.0))
+    // Components whose terms other processes share must not be evaluated at the same time.
+    if moving.iter().any(|(system, _)| system.terms().shared().is_some()) {
+        moving.iter().map(of).collect()
+    } else {
+        moving.par_iter().map(of).collect()
+    }
+}
+
+/// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
+/// that changes with position.
+///
+/// # Errors
+/// Returns the error of the first component whose frequency cannot be estimated.
+pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
+    let omega = rates(simulation)?.iter().map(|rates| rates.omega).reduce(f64::max);
+    Ok(omega.filter(|omega| *omega > 0.0))
 }
 
 /// Returns the highest angular frequency of the motion with which rigid bodies start, rad/s: the multipliers of their

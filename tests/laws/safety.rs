@@ -412,3 +412,57 @@ fn adaptive_steps_are_not_judged_by_their_intervals() {
     let longest = report["adaptive"]["largest_step"].as_f64().unwrap();
     assert!(longest < report["stability"]["step_limit"].as_f64().unwrap(), "{}", report["adaptive"]);
 }
+
+/// A soft block that hangs from its top, with viscosities that limit an explicit step more than its stiffness does.
+fn viscous(scheme: &str, step: f64, viscosity: f64) -> Program {
+    let scene = format!(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.3
+step = {step:e}
+scheme = "{scheme}"
+[[body]]
+name = "block"
+box = {{ size = [0.1, 0.1, 0.05], cells = [3, 2, 2], element = "tet4" }}
+material = {{ law = "neo-hookean", young = 1e5, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "block"
+region = "z-min"
+[damping]
+shear_viscosity = {viscosity}
+bulk_viscosity = {viscosity}
+[guard]
+action = "warn"
+[output]
+history = 1
+ledger = true
+"#
+    );
+    Program::run(&scene)
+}
+
+/// Below the limit that is reported damping takes energy. Above it damping brings energy; the limit is named before the run, and what
+/// damping brings counts as growth after it.
+#[test]
+fn damping_lowers_the_limit_of_explicit_steps() {
+    for scheme in ["symplectic-euler-a", "symplectic-euler-b", "stormer-verlet"] {
+        let limit_of = |viscosity: f64| {
+            let report = viscous(scheme, 1e-4, viscosity).report();
+            report["stability"]["step_limit"].as_f64().unwrap()
+        };
+        let (free, limit) = (limit_of(0.0), limit_of(200.0));
+        assert!(limit < 0.5 * free, "{scheme}: {limit:e} {free:e}");
+        let sound = viscous(scheme, 0.9 * limit, 200.0);
+        let report = sound.report();
+        let work = report["energy"]["damping_work"].as_f64().unwrap();
+        // Less than the weight can do.
+        assert!((-1e-2..0.0).contains(&work), "{scheme}: {work:e}");
+        // The energy of the schemes of order 1 oscillates by some per cent.
+        assert!(report["guard"]["relative_growth"].as_f64().unwrap() < 0.1, "{}", report["guard"]);
+        assert!(!report["notes"].to_string().contains("stability limit"), "{}", report["notes"]);
+        let beyond = viscous(scheme, 1.2 * limit, 200.0).report();
+        assert!(beyond["notes"].to_string().contains("is above the stability limit"), "{}", beyond["notes"]);
+        assert!(beyond["notes"].to_string().contains("grew without a source"), "{}", beyond["guard"]);
+    }
+}

@@ -4,6 +4,8 @@ pub(crate) mod accounts;
 mod at_rest;
 mod comparison;
 pub(crate) mod constraint;
+mod damped_limit;
+mod damping_rate;
 mod energy_momentum;
 pub(crate) mod filter;
 mod gauss;

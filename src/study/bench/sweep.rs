@@ -13,7 +13,7 @@ use crate::auto::trial::{Choice, Limit, Norm, Trial, TrialError, run};
 use crate::run::provenance::Provenance;
 use crate::scene::{Scene, SchemeName};
 use crate::simulation::Simulation;
-use crate::simulation::stability::highest;
+use crate::simulation::stability::{Rates, limiting, rates};
 
 const REFERENCE_SHARE: f64 = 0.35;
 const ROWS_SHARE: f64 = 0.85;
@@ -41,7 +41,11 @@ pub fn bench(
     let schemes = schemes(options)?;
     let (scene, _) = settle(scene.clone(), &mut Trials(watch))?;
     let simulation = Simulation::new(scene.clone()).map_err(BenchError::Scene)?;
-    let omega = highest(&simulation).map_err(BenchError::Frequency)?.ok_or(BenchError::NothingMoves)?;
+    let rates = rates(&simulation).map_err(BenchError::Frequency)?;
+    let omega = rates.iter().map(|rates| rates.omega).fold(0.0, f64::max);
+    if omega == 0.0 {
+        return Err(BenchError::NothingMoves);
+    }
     let norm = Norm::new(&simulation);
     let free_coordinates = simulation.free_coordinates();
     let reference = find(&simulation, &scene, &norm, omega, options.budget.mul_f64(REFERENCE_SHARE), watch)?;
@@ -63,7 +67,7 @@ pub fn bench(
     let present = Choice::of(&sweep.scene);
     sweep.enter(present);
     sweep.rows.iter_mut().for_each(|row| row.is_present = true);
-    sweep.climb(schemes, omega);
+    sweep.climb(schemes, &rates);
     sweep.refine();
     sweep.repeat();
     Ok(sweep.close())
@@ -158,10 +162,11 @@ impl Sweep<'_> {
     }
 
     /// Halves the step of every scheme. The next run is always the one with the smallest expected time.
-    fn climb(&mut self, schemes: Vec<(SchemeName, Option<usize>)>, omega: f64) {
+    fn climb(&mut self, schemes: Vec<(SchemeName, Option<usize>)>, rates: &[Rates]) {
         let end = self.scene.time.end;
         let ladder = |(scheme, stages)| {
             let first = Choice { scheme, stages, steps: 1 };
+            let omega = limiting(rates, first.method());
             let coarsest = match first.method().facts().recommended_limit {
                 Some(limit) if limit > 0.0 => (end * omega / limit).ceil() as u64,
                 Some(_) => (end * omega).ceil() as u64,

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Vector3};
 use vi_core::{State, System};
 
 use crate::error::SolverError;
+use crate::schemes::damping_rate::DampingOperator;
 use crate::schemes::lanczos::normalize;
 use crate::schemes::stability::{Operator, highest};
 use crate::vectors;
@@ -21,13 +22,16 @@ const STILL: f64 = 1e-6;
 /// Frequencies of a system at states of its motion.
 pub struct Frequencies {
     operator: Operator,
+    /// The forces that depend on velocity, if there are any.
+    damping: Option<DampingOperator>,
     carried: Carried,
 }
 
 impl Frequencies {
     /// Prepares for the states of a system.
     pub fn new(system: &System) -> Self {
-        Self { operator: Operator::new(system), carried: Carried::new(system) }
+        let (operator, damping) = (Operator::new(system), DampingOperator::new(system));
+        Self { operator, damping, carried: Carried::new(system) }
     }
 
     /// Returns a bound of the highest angular frequency about a state, rad/s: at most a tenth too high.
@@ -36,6 +40,15 @@ impl Frequencies {
     /// Returns the errors of [`highest_frequency`](crate::highest_frequency).
     pub fn highest(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
         Ok(highest(&mut self.operator, system, state, ROUGH)?.omega)
+    }
+
+    /// Returns the highest rate at which velocities decay by damping about a state whose highest frequency is `omega` (rad/s), 1/s. Zero
+    /// if no force depends on velocity.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::NotFinite`] if a force of velocity is not finite.
+    pub fn damping_rate(&mut self, system: &System, state: &State, omega: f64) -> Result<f64, SolverError> {
+        self.damping.as_mut().map_or(Ok(0.0), |damping| damping.highest(system, state, omega))
     }
 
     /// Returns the mean angular frequency of the motion of a state, rad/s: ω² = |uᵀKu|/uᵀMu + Ω². u is the velocity relative to
