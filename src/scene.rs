@@ -6,6 +6,7 @@ mod check;
 mod columns;
 mod contact;
 mod fix;
+mod functions;
 mod idle_contact;
 mod load;
 mod material;
@@ -39,6 +40,7 @@ pub use body::{Axis, Body, Refine, RefineAlong, RestShape, Spring, SpringEnd, St
 pub(crate) use columns::history_columns;
 pub use contact::{Contact, ContactPair};
 pub use fix::{About, Fix, HeldAxis, LocalAxis};
+pub(crate) use functions::{FunctionOfTime, integral};
 pub(crate) use load::field;
 pub use load::{Damping, FieldComponent, Load};
 pub use material::{MaterialEntry, Materials, Substance};

@@ -9,6 +9,7 @@ mod contact;
 mod contact_fields;
 mod contact_report;
 mod crossing;
+mod driven;
 mod failure;
 mod idle;
 mod inertia;
@@ -44,6 +45,7 @@ pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
 pub use contact::ContactFacts;
 use contact::{ContactTotals, ContactWatch};
+use driven::Driven;
 use needs::{has_domain, is_worked_on, keeps_ledger, method_of, problem_of_push, problem_of_ranks};
 pub use observe::{Observation, ProbeValue};
 use pace::Pace;
@@ -72,6 +74,8 @@ pub struct Component {
     contact: Option<ContactWatch>,
     /// What adaptive steps follow; created at first use.
     asked: Option<Asked>,
+    /// The functions of time that adaptive steps follow; none with other steps.
+    driven: Driven,
     /// Whether the ranks have made their portions from parts of the bodies.
     is_of_parts: bool,
 }
@@ -251,6 +255,7 @@ impl Simulation {
                 has_domain,
                 contact: contact.map(ContactWatch::new),
                 asked: None,
+                driven: Driven::default(),
                 is_of_parts,
             });
         }
@@ -258,6 +263,15 @@ impl Simulation {
             return Err(problems);
         }
         let adaptive = scene.time.is_adaptive().then(|| Adaptive::new(method, &scene.time));
+        if adaptive.is_some() {
+            for (number, component) in components.iter_mut().enumerate() {
+                let bodies = model.bodies.iter().map(|body| (&body.name, body.component));
+                let rigids = model.rigids.iter().map(|rigid| (&rigid.name, rigid.component));
+                let own: Vec<&String> =
+                    bodies.chain(rigids).filter(|(_, of)| *of == number).map(|(name, _)| name).collect();
+                component.driven = Driven::new(&scene, |body| own.iter().any(|name| *name == body));
+            }
+        }
         let (step_count, h) = match scene.output.schedule() {
             Some(schedule) if adaptive.is_some() => scene.time.intervals(schedule.interval()),
             _ => scene.time.steps(),

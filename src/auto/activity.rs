@@ -18,23 +18,12 @@ const OF_THICKNESS: f64 = 0.1;
 /// Returns the functions of time of a scene at SAMPLES + 1 times from 0 to the end, without constant ones.
 fn functions(scene: &Scene) -> Vec<Vec<f64>> {
     let time = |k: usize| scene.time.end * k as f64 / SAMPLES as f64;
-    let sample = |f: &dyn Fn(f64) -> f64| (0..=SAMPLES).map(|k| f(time(k))).collect::<Vec<f64>>();
     let mut found = Vec::new();
-    for load in &scene.loads {
-        found.push(sample(&|t| load.amplitude().at(t)));
-    }
-    if let Some(amplitude) = &scene.gravity_amplitude {
-        found.push(sample(&|t| amplitude.at(t)));
-    }
-    let of_fixes = scene.fixes.iter().filter_map(|fix| fix.motion.as_ref());
-    let of_rigids = scene.rigids.iter().filter_map(|rigid| rigid.motion.as_ref());
-    let of_attachments = scene.attachments.iter().filter_map(|attach| attach.motion.as_ref());
-    for motion in of_fixes.chain(of_rigids).chain(of_attachments) {
-        // A point that is not on any usual axis of rotation.
-        let point = [0.31, 0.57, 0.83];
-        let coordinates = [0, 1, 2].map(|axis| sample(&|t| motion.position(point, t)[axis]));
-        let size = coordinates.iter().map(|values| range(values)).fold(0.0, f64::max);
-        found.extend(coordinates.into_iter().filter(|values| range(values) > ROUND_OFF * size));
+    for (_, function) in scene.functions_of_time() {
+        let component = |number| (0..=SAMPLES).map(|k| function.at(number, time(k))).collect::<Vec<f64>>();
+        let components: Vec<Vec<f64>> = (0..function.count()).map(component).collect();
+        let size = components.iter().map(|values| range(values)).fold(0.0, f64::max);
+        found.extend(components.into_iter().filter(|values| range(values) > ROUND_OFF * size));
     }
     found.retain(|values| range(values) > 0.0 && values.iter().all(|v| v.is_finite()));
     found

@@ -15,6 +15,7 @@
 use vi_core::{State, System};
 use vi_solvers::{Frequencies, Method, SolverError, StepError};
 
+use super::driven::Driven;
 use super::march::{Check, Course, Cut, Failure, March, march};
 use crate::record::record;
 use crate::scene::Time;
@@ -61,15 +62,17 @@ impl AdaptiveCounts {
     }
 }
 
-/// What states of a component ask for. The end of an interval is the start of the next one, so the last is kept.
+/// What states of a component, and the functions of time that act on it, ask for. The end of an interval is the start of the next one, so
+/// the last is kept.
 pub(super) struct Asked {
+    driven: Driven,
     frequencies: Frequencies,
     last: Option<(State, f64)>,
 }
 
 impl Asked {
-    pub(super) fn new(system: &System) -> Self {
-        Self { frequencies: Frequencies::new(system), last: None }
+    pub(super) fn new(system: &System, driven: &Driven) -> Self {
+        Self { driven: driven.clone(), frequencies: Frequencies::new(system), last: None }
     }
 }
 
@@ -78,6 +81,8 @@ impl Asked {
 pub(super) struct Adaptive {
     /// Largest hω with the mean frequency ω of the motion.
     accuracy: f64,
+    /// The same for changes of slope.
+    accuracy_at_kinks: f64,
     /// The scheme.
     method: Method,
     /// Whether the end of an interval counts; false only to show what happens without it.
@@ -91,14 +96,18 @@ impl Adaptive {
     pub(super) fn new(method: Method, time: &Time) -> Self {
         let facts = method.facts();
         let tolerance = time.tolerance.unwrap_or(Time::DEFAULT_TOLERANCE);
-        let constant = match facts.order {
-            0 | 1 => 2.0,
-            2 | 3 => 12.0,
-            4 | 5 => 720.0,
-            _ => 100_800.0,
+        let accuracy = |order: usize| {
+            let constant = match order {
+                1 => 2.0,
+                2 | 3 => 12.0,
+                4 | 5 => 720.0,
+                _ => 100_800.0,
+            };
+            f64::powf(constant * tolerance, 1.0 / order as f64)
         };
-        let accuracy = (constant * tolerance).powf(1.0 / facts.order.max(1) as f64);
-        Self { accuracy, method, is_symmetric: true }
+        let order = facts.order.max(1);
+        let (accuracy, accuracy_at_kinks) = (accuracy(order), accuracy(order.min(2)));
+        Self { accuracy, accuracy_at_kinks, method, is_symmetric: true }
     }
 
     /// Returns the largest hω of an explicit scheme with the frequency ω that limits its step
@@ -115,6 +124,7 @@ impl Adaptive {
             return Ok(*density);
         }
         let motion = asked.frequencies.of_motion(system, state)?;
+        let motion = motion.max(asked.frequencies.of_drag(system, state)?);
         let stability = match self.stability() {
             Some(limit) => {
                 let omega = asked.frequencies.highest(system, state)?;
@@ -126,6 +136,13 @@ impl Adaptive {
         let density = (motion / self.accuracy).max(stability);
         asked.last = Some((state.clone(), density));
         Ok(density)
+    }
+
+    /// Returns the density of steps that the functions of time ask for between two times (s), 1/s. At their kinks no scheme has an order
+    /// above 2.
+    fn density_of_driven(&self, asked: &Asked, from: f64, to: f64) -> f64 {
+        let rates = asked.driven.rates(from, to);
+        (rates.smooth / self.accuracy).max(rates.kinked / self.accuracy_at_kinks)
     }
 
     /// Advances a component by an interval of length h (s) to the time `end`, with `cut.parts` times as many steps as the
@@ -148,7 +165,8 @@ impl Adaptive {
         let failed =
             |cause| Failure { error: StepError { t: start, h, cause }, from: Box::new(before.0.clone()) };
         let at_start = self.density(asked, system, state).map_err(failed)?;
-        let mut number = level(h * at_start);
+        let driven = self.density_of_driven(asked, end - h, end);
+        let mut number = level(h * at_start.max(driven));
         let has_bodies = !system.constraints().is_empty();
         let repeats = if has_bodies { REPEATS_OF_BODIES } else { REPEATS };
         let mut tried: Vec<u64> = Vec::new();
@@ -184,7 +202,7 @@ impl Adaptive {
                     return Err(failure);
                 }
             };
-            let mut wanted = level(h * inside.max(0.5 * (at_start + at_end)));
+            let mut wanted = level(h * inside.max(0.5 * (at_start + at_end)).max(driven));
             if has_bodies && done.substeps > 0 && system.terms().live().is_empty() {
                 wanted = wanted.max(level(2.0 * number as f64));
             }

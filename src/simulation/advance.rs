@@ -47,7 +47,8 @@ impl Simulation {
         let cut = Cut { parts: self.parts, further, interrupt };
         let adaptive = self.adaptive;
         let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), Failure> {
-            let Component { system, state, stepper, held, pace, observer, has_domain, asked, .. } = component;
+            let Component { system, state, stepper, held, pace, observer, has_domain, asked, driven, .. } =
+                component;
             let Some(stepper) = stepper else {
                 let energy = hold(held, system, state, end);
                 return Ok((March { energy, ..March::default() }, AdaptiveCounts::default()));
@@ -62,7 +63,7 @@ impl Simulation {
             let course = Course { stepper: stepper.as_mut(), system, state, pace };
             match &adaptive {
                 Some(rule) => {
-                    let asked = asked.get_or_insert_with(|| Asked::new(system));
+                    let asked = asked.get_or_insert_with(|| Asked::new(system, driven));
                     rule.advance(course, asked, (h, end), cut, check)
                 }
                 None => Ok((march(course, h, end, cut, check)?, AdaptiveCounts::default())),

@@ -1,4 +1,4 @@
-//! Time symmetry: a symmetric scheme with equal steps returns to its start when it runs backwards.
+//! Time symmetry: a symmetric scheme with equal steps returns to its start when it runs backwards. What adaptive steps follow.
 
 use crate::prelude::*;
 
@@ -115,6 +115,85 @@ fn adaptive_steps_run_back_to_their_start() {
         let end = &simulation.components[0].state.q;
         let off = start.iter().zip(end).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
         assert!(off < 1e-8, "{scheme:?}: off by {off:e} m with {counts:?}");
+    }
+}
+
+/// Returns a stiff free cube of 1 m that falls with the weight a₀ cos(60 (t − t₀)) along x.
+fn shaken(acceleration: f64, t0: f64, end: f64, tolerance: f64) -> Simulation {
+    let shape = BoxMesh { size: [1.0; 3], cells: [1, 1, 1], element: CellKind::Hex8, origin: [0.0; 3] };
+    let law = Law::NeoHookean(Isotropic { young: 1e9, poisson: 0.3, density: 1000.0 });
+    let mut time = Time::adaptive(end, tolerance, SchemeName::ImplicitMidpoint);
+    time.largest_step = Some(0.1);
+    let amplitude = Amplitude::expression(&format!("cos(60*(t-{t0}))")).unwrap();
+    let scene = Scene::new(time)
+        .solver(Solver { tolerance: 1e-12, ..Solver::default() })
+        .gravity([acceleration, 0.0, 0.0])
+        .gravity_amplitude(amplitude)
+        .body(Body::from_box("cube", shape, law));
+    Simulation::new(scene).unwrap()
+}
+
+/// Weight that changes with time asks for steps although the body only flies: the error of u = a₀ (1 − cos ωt)/ω² falls with the
+/// tolerance, which is that per radian.
+#[test]
+fn adaptive_steps_follow_weight_that_changes_with_time() {
+    for tolerance in [1e-2, 1e-3, 1e-4] {
+        let mut simulation = shaken(10.0, 0.0, 0.5, tolerance);
+        let start = simulation.components[0].state.q[0];
+        let (mut error, size) = (0.0_f64, 10.0 / 3600.0);
+        while !simulation.is_done() {
+            simulation.step().unwrap();
+            let exact = size * (1.0 - (60.0 * simulation.time()).cos());
+            error = error.max((simulation.components[0].state.q[0] - start - exact).abs());
+        }
+        let allowed = 30.0 * tolerance * size;
+        assert!(error < allowed, "{tolerance:e}: {error:e} above {allowed:e}");
+    }
+}
+
+/// Weight that is even about the middle of the run is the same on the way back, and so are the steps.
+#[test]
+fn adaptive_steps_with_weight_that_changes_run_back_to_their_start() {
+    let mut simulation = shaken(1e4, 0.37, 0.74, 1e-3);
+    let start = simulation.components[0].state.q.clone();
+    let half = simulation.step_count() / 2;
+    while !simulation.is_done() {
+        if simulation.steps() == half {
+            simulation.components[0].state.p.iter_mut().for_each(|p| *p = -*p);
+        }
+        simulation.step().unwrap();
+    }
+    let counts = simulation.adaptive_counts().unwrap();
+    assert!(simulation.step_count().is_multiple_of(2) && counts.steps > 100, "{counts:?}");
+    let end = &simulation.components[0].state.q;
+    let off = start.iter().zip(end).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+    assert!(off < 1e-10, "off by {off:e} m with {counts:?}");
+}
+
+/// A cube that drag stops comes as far as v₀ (1 − exp(−αt))/α, to a few times the tolerance, at any accuracy of the solver. Afterwards
+/// round-off asks for nothing.
+#[test]
+fn adaptive_steps_follow_drag() {
+    for accuracy in [Solver::default().tolerance, 1e-10] {
+        let shape = BoxMesh { size: [1.0; 3], cells: [1, 1, 1], element: CellKind::Hex8, origin: [0.0; 3] };
+        let law = Law::NeoHookean(Isotropic { young: 1e9, poisson: 0.3, density: 1000.0 });
+        let mut time = Time::adaptive(2.0, 1e-3, SchemeName::ImplicitMidpoint);
+        time.largest_step = Some(0.2);
+        let scene = Scene::new(time)
+            .solver(Solver { tolerance: accuracy, ..Solver::default() })
+            .damping(Damping { mass_rate: 40.0, ..Damping::default() })
+            .body(Body::from_box("cube", shape, law).velocity([1.0, 0.0, 0.0]));
+        let mut simulation = Simulation::new(scene).unwrap();
+        let start = simulation.components[0].state.q[0];
+        while !simulation.is_done() {
+            simulation.step().unwrap();
+            let exact = (1.0 - (-40.0 * simulation.time()).exp()) / 40.0;
+            let error = (simulation.components[0].state.q[0] - start) / exact - 1.0;
+            assert!(error.abs() < 4e-3, "{accuracy:e}: {error:e} at {}", simulation.time());
+        }
+        // α T/θ = 730 steps.
+        let counts = simulation.adaptive_counts().unwrap();
+        assert!((700..1500).contains(&counts.steps), "{accuracy:e}: {counts:?}");
     }
 }
 

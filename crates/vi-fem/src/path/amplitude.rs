@@ -88,6 +88,15 @@ impl Amplitude {
         }
     }
 
+    /// Returns the times of a table, s; none for other forms.
+    pub fn times(&self) -> impl Iterator<Item = f64> {
+        let points: &[[f64; 2]] = match &self.0 {
+            Kind::Table(points) => points,
+            Kind::Constant(_) | Kind::Expression(_) => &[],
+        };
+        points.iter().map(|point| point[0])
+    }
+
     /// Returns the fault of a stencil of a load at t (s) if a(t) is not finite.
     pub(crate) fn fault(&self, stencil: usize, t: f64) -> Option<Fault> {
         let value = self.at(t);

@@ -69,6 +69,29 @@ impl DampingOperator {
         let root = lanczos::highest(&mut about, state.q.len(), ACCURACY)?.omega;
         Ok(root * root)
     }
+
+    /// Returns the powers of the forces at a state with the velocities q̇ of the free coordinates, W: of what depends on velocity, and of
+    /// all forces.
+    pub(super) fn powers(
+        &mut self,
+        system: &System,
+        state: &State,
+        q_dot: &[f64],
+    ) -> Result<[f64; 2], SolverError> {
+        let (x, free) = (system.positions(state), system.coordinates().free());
+        let x_dot = system.velocities(state);
+        let mut power = |x_dot: &[f64]| {
+            self.forces.evaluate(&x, x_dot, state.t);
+            vectors::sum(q_dot.len(), |k| q_dot[k] * self.forces.total(free[k] as usize))
+        };
+        let (all, of_rest) = (power(&x_dot), power(&vec![0.0; x_dot.len()]));
+        match (all - of_rest).is_finite() {
+            true => Ok([all - of_rest, all]),
+            false => {
+                Err(SolverError::NotFinite { what: "force without a potential", dof: 0, at_start: false })
+            }
+        }
+    }
 }
 
 /// The operator about the state at which it was placed.

@@ -18,6 +18,9 @@ const ROUGH: f64 = 0.1;
 /// A motion relative to a flight that is slower than this fraction of it counts as none. What Newton's method leaves of a beam of 220
 /// coordinates that falls for 4 s, or flies at 300 m/s, stays below it with six schemes at the default tolerance.
 const STILL: f64 = 1e-6;
+/// A vibration whose amplitude is below this number of round-offs of the coordinates counts as none. When drag has stopped a steel-like
+/// cube of 1 m, its noise has an amplitude of 90 of them, and would ask for a million steps.
+const NOISE: f64 = 1e3;
 
 /// Frequencies of a system at states of its motion.
 pub struct Frequencies {
@@ -70,6 +73,25 @@ impl Frequencies {
         Ok((self.square_of_deformation(system, state)? + turning.powi(2)).sqrt())
     }
 
+    /// Returns the rate at which forces of velocity slow a motion, rad/s: |v·f|/v·Mv with these forces f, or with all forces if that is
+    /// less, as where a load balances drag. Zero at rest.
+    ///
+    /// # Errors
+    /// Returns the errors of the forces.
+    pub fn of_drag(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
+        let Some(damping) = &mut self.damping else { return Ok(0.0) };
+        let velocity = system.velocity(&state.p);
+        let square = vectors::dot(&velocity, &state.p);
+        if square == 0.0 {
+            return Ok(0.0);
+        }
+        let [drag, forces] = damping.powers(system, state, &velocity)?;
+        let gradient = self.operator.gradient_at(system, state)?;
+        let free = system.coordinates().free();
+        let potential = vectors::sum(velocity.len(), |k| velocity[k] * gradient[free[k] as usize]);
+        Ok(drag.abs().min((forces - potential).abs()) / square)
+    }
+
     /// Returns |uᵀKu|/uᵀMu, 1/s².
     fn square_of_deformation(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
         let (n, mass) = (system.coordinates().free_count(), system.free_mass());
@@ -88,6 +110,11 @@ impl Frequencies {
         let mut out = vec![0.0; n];
         self.operator.apply(system, state, &direction, &mut out)?;
         let found = vectors::sum(n, |k| direction[k] * out[k]).abs();
+        let [_, reach] = system.coordinates().extent_and_reach(&system.positions(state));
+        let amplitude = NOISE * f64::EPSILON * reach;
+        if square(&relative) <= amplitude * amplitude * found * vectors::sum(n, |k| mass[k]) {
+            return Ok(0.0);
+        }
         if system.filter().is_none() {
             return Ok(found);
         }

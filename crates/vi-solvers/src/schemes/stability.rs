@@ -192,6 +192,12 @@ impl Operator {
         Ok(())
     }
 
+    /// Returns ∂V/∂x of all coordinates at a state, N.
+    pub(super) fn gradient_at(&mut self, system: &System, state: &State) -> Result<&[f64], SolverError> {
+        self.evaluator.evaluate(system, &state.q, state.t, true)?;
+        Ok(self.evaluator.gradient())
+    }
+
     /// Computes `out` = M^{-1/2} K M^{-1/2} v at the state at which the operator was placed.
     pub(super) fn apply(
         &mut self,
