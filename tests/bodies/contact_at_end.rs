@@ -147,3 +147,31 @@ ledger = true
     assert!(*history.column("friction").last().unwrap() < 0.0);
     assert_same_bits("lagged friction", scene, 0.025, 2);
 }
+
+/// A block that starts inside the layer slides from the first step on: whatever presses it, friction has μ times the impulse of the normal
+/// force. Adaptive steps, which begin anew where an interval is made again, take as much of its momentum as by `energy-momentum`; their
+/// steps are so short that bristles stretch first.
+#[test]
+fn newmark_starts_with_the_friction_of_its_velocity() {
+    let scene = |scheme: &str, step: &str| {
+        slope(scheme, 0.0, 0.3, 0.006, "friction = 0.3\ndistance = 5e-3\ndamping = 1e-4")
+            .replace("step = 1e-3", step)
+            .replace("origin = [0.0, 0.0, 1e-5]", "origin = [0.0, 0.0, 0.004]")
+    };
+    let history = Program::run(&scene("newmark", "step = 1e-3")).history();
+    let [t, px, pz] = ["t", "px", "pz"].map(|name| history.column(name));
+    // The mass is 0.4 kg.
+    let normal = |n: usize| pz[n] - pz[n - 1] + 0.4 * 9.81 * (t[n] - t[n - 1]);
+    assert!(normal(1) > 1e-2, "it should be pressed");
+    for n in 1..t.len() {
+        let friction = px[n] - px[n - 1];
+        assert!((friction + 0.3 * normal(n)).abs() < 1e-3 * normal(1), "{n} {friction:e} {:e}", normal(n));
+    }
+    let taken = |scheme: &str| {
+        let adaptive = "step = \"adaptive\"\nlargest_step = 2e-3\ntolerance = 1e-2";
+        let px = Program::run(&scene(scheme, adaptive)).history().column("px");
+        px[0] - px[px.len() - 1]
+    };
+    let [newmark, other] = ["newmark", "energy-momentum"].map(taken);
+    assert!(other > 0.03 && (newmark / other - 1.0).abs() < 0.1, "{newmark} {other}");
+}

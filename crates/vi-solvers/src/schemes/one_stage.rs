@@ -11,7 +11,7 @@ mod pairs;
 pub(crate) mod rule;
 mod stage;
 
-use vi_core::{Impulse, State, StepEnergy, StepSpan, System};
+use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
@@ -104,8 +104,7 @@ impl<R: Rule> OneStage<R> {
         if self.rule.takes_mean_of_ends() {
             self.evaluator.set_middle(system, self.stage.t, [state.t, state.t + h]);
         }
-        let span =
-            StepSpan { duration: h, acts_at_end: self.rule.is_at_end(), damps_end: self.rule.damps_end() };
+        let span = self.rule.span(h);
         self.evaluator.open_step(system, &state.q, state.t, span)?;
         let iterations = self.solve(system)?;
         self.stage.project_end(system, state)?;

@@ -8,6 +8,7 @@ use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
+use crate::vectors;
 
 impl Evaluator {
     /// Makes live terms that have a discrete gradient act over steps, between the ends that [`Evaluator::set_ends`] sets or at the
@@ -233,6 +234,23 @@ impl Evaluator {
             (Some([start, _]), Some(live)) => live.open_step(start, span),
             _ => Ok(()),
         }
+    }
+
+    /// Opens a step that comes straight to (q, t) and arrives there with the velocities q̇, for the forces that live terms with a memory have
+    /// in this motion. The memory is that of (q, t).
+    pub(crate) fn arrive(
+        &mut self,
+        system: &System,
+        (q, t): (&[f64], f64),
+        q_dot: &[f64],
+        span: StepSpan,
+    ) -> Result<(), SolverError> {
+        self.open_step(system, q, t, span)?;
+        if let Some([start, end]) = &mut self.ends {
+            system.coordinates().embed_velocity(q_dot, t, start);
+            vectors::update(start, |k, start| *start = end[k] - span.duration * *start);
+        }
+        Ok(())
     }
 
     /// Closes a step from (q, t) to (q, t). Returns the work and impulses of live terms in this step, without

@@ -1,6 +1,6 @@
 //! The acceleration that Newmark and generalised-α carry from step to step.
 
-use vi_core::{State, System};
+use vi_core::{State, StepSpan, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
@@ -20,24 +20,29 @@ pub(super) struct CarriedAcceleration {
 }
 
 impl CarriedAcceleration {
-    /// Computes M⁻¹ (f − ∂V/∂q) if no step has ended at this state.
+    /// Computes M⁻¹ (f − ∂V/∂q) for a step of `span` from this state, unless a step has ended there.
+    ///
+    /// Friction between bodies acts between two places. It is that of a step of the same length that arrives here with the velocity of
+    /// the state: between equal places there is no slip.
     pub(super) fn open(
         &mut self,
         system: &System,
         evaluator: &mut Evaluator,
         inertia: &Inertia,
         state: &State,
-        h: f64,
+        span: StepSpan,
     ) -> Result<(), SolverError> {
-        if self.state.as_ref().is_some_and(|last| continues(last, state, h)) {
+        if self.state.as_ref().is_some_and(|last| continues(last, state, span.duration)) {
             return Ok(());
         }
+        let v = inertia.velocity(system, &state.p);
+        let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
         if evaluator.has_nonconservative() {
-            let v = inertia.velocity(system, &state.p);
-            let q_dot: Vec<f64> = (0..state.p.len()).map(|k| v.at(k)).collect();
             evaluator.set_velocities(system, &q_dot, state.t, 0.0);
         }
-        if evaluator.acts_over_steps() {
+        if system.terms().live().iter().any(|term| term.dissipates()) {
+            evaluator.arrive(system, (&state.q, state.t), &q_dot, span)?;
+        } else if evaluator.acts_over_steps() {
             evaluator.set_ends(system, (&state.q, state.t), (&state.q, state.t));
         }
         evaluator.evaluate(system, &state.q, state.t, true)?;

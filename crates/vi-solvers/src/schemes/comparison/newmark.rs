@@ -59,7 +59,8 @@ impl Rule for Newmark {
         state: &State,
         h: f64,
     ) -> Result<(), SolverError> {
-        self.carried.open(system, evaluator, inertia, state, h)
+        let span = self.span(h);
+        self.carried.open(system, evaluator, inertia, state, span)
     }
     fn close(&mut self, _: &System, _before: &State, after: &State, w: &[f64], h: f64) {
         let c = self.coefficient(h);

@@ -1,7 +1,7 @@
 //! The differences between one-stage methods: û, c, the time of the stage, and the update from its increment w. This
 //! file holds implicit midpoint; `comparison/` has the others.
 
-use vi_core::{Scheme, State, System};
+use vi_core::{Scheme, State, StepSpan, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
@@ -54,6 +54,10 @@ pub(crate) trait Rule: Send + Sync {
     /// part of the step.
     fn damps_end(&self) -> bool {
         true
+    }
+    /// Returns a step of h (s) as live terms see it.
+    fn span(&self, h: f64) -> StepSpan {
+        StepSpan { duration: h, acts_at_end: self.is_at_end(), damps_end: self.damps_end() }
     }
     /// Returns whether a force besides −∂V/∂q acts at the stage. Then the stage does not minimise a function.
     fn has_correction(&self) -> bool {
