@@ -1,7 +1,8 @@
 //! What happens in a scene: the functions of time of its loads and supports, and rigid bodies that may meet others. It determines how
-//! coarse a trial may be without missing changes, and when the first change occurs.
+//! coarse a trial may be without missing changes, when the first change occurs, and what steps miss at kinks.
 
-use crate::scene::{Rigid, RigidShape, Scene};
+use super::trial::Choice;
+use crate::scene::{FunctionOfTime, Rigid, RigidShape, Scene, integral};
 
 /// Number of samples of a function of time over the run; the finest division that [`resolving_steps`] returns.
 const SAMPLES: usize = 4096;
@@ -89,10 +90,50 @@ pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
     functions(scene).iter().any(bends)
 }
 
+/// Returns the largest error of the impulse of a function of time, relative to the impulse of its deviation from its mean or from its start, that a choice
+/// makes at the kinks that the scene names: those of tables, and the start and the end of motions.
+///
+/// Trials do not always show it. With a pulse of 2.048 steps, its three kinks are missed by amounts whose sum is the same for half and for a quarter of
+/// the step, and for schemes of different order: 5.5e-4 of the impulse of a triangle of 2 ms in 2 s, with 4096 to 16 384 steps.
+pub(super) fn missed_at_kinks(scene: &Scene, choice: &Choice) -> f64 {
+    let Some(samples) = choice.method().samples() else { return 0.0 };
+    let h = scene.time.end / choice.steps as f64;
+    let missed = |function: &FunctionOfTime, number: usize| {
+        let f = |t: f64| function.at(number, t);
+        let is_inside = |t: &f64| *t > 0.0 && *t < scene.time.end;
+        let kinks: Vec<f64> = function.kinks().into_iter().filter(is_inside).collect();
+        let mut steps: Vec<u64> = kinks.iter().map(|t| (t / h) as u64).collect();
+        steps.dedup();
+        let error = |step: &u64| {
+            let [from, to] = [step, &(step + 1)].map(|step| *step as f64 * h);
+            let within = kinks.iter().copied().filter(|t| from < *t && *t < to);
+            let places: Vec<f64> = std::iter::once(from).chain(within).chain([to]).collect();
+            let exact: f64 =
+                places.windows(2).map(|pair| 0.5 * (f(pair[0]) + f(pair[1])) * (pair[1] - pair[0])).sum();
+            samples.iter().map(|[t, weight]| weight * h * f(from + t * h)).sum::<f64>() - exact
+        };
+        let missed: f64 = steps.iter().map(error).sum();
+        let end = scene.time.end;
+        let points = function.points(number, [0.0, end], SAMPLES);
+        let mean = integral(&points, |f| f) / end;
+        // Of a pulse all counts, and of a load that stays what was before.
+        let size = [mean, points[0][1]].map(|level| integral(&points, |f| (f - level).abs()));
+        let size = size[0].min(size[1]);
+        if size > ROUND_OFF * end * mean.abs() { missed.abs() / size } else { 0.0 }
+    };
+    let functions = scene.functions_of_time();
+    let each = functions
+        .iter()
+        .flat_map(|(_, function)| (0..function.count()).map(move |number| (function, number)));
+    each.map(|(function, number)| missed(function, number))
+        .filter(|missed| missed.is_finite())
+        .fold(0.0, f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Fix, Load, Time};
+    use crate::scene::{Fix, Load, SchemeName, Time};
     use std::f64::consts::PI;
     use vi_fem::{Amplitude, Motion, Rotate};
 
@@ -129,6 +170,27 @@ mod tests {
             let turns = resolving_steps(&turning(axis, 2.0 * PI * 20.0), 16);
             assert!((256..=512).contains(&turns), "{axis:?}: {turns}");
         }
+    }
+
+    /// What is missed is zero if kinks fall on steps, and for a triangle of 2 ms in 2 s the number that is known otherwise.
+    #[test]
+    fn what_steps_miss_at_kinks_is_known() {
+        let points = vec![[0.0, 0.0], [1.93, 0.0], [1.931, 1.0], [1.932, 0.0]];
+        let mut pulse = scene("1");
+        pulse.loads = vec![match pulse.loads.remove(0) {
+            Load::Point { body, point, node, force, .. } => {
+                let amplitude = Amplitude::table(points).unwrap();
+                Load::Point { body, point, node, force, amplitude }
+            }
+            other => other,
+        }];
+        for scheme in [SchemeName::StormerVerlet, SchemeName::BlanesMoan4, SchemeName::ImplicitMidpoint] {
+            let missed = |steps: u64| missed_at_kinks(&pulse, &Choice { scheme, stages: None, steps });
+            assert!((missed(4096) / 5.493e-4 - 1.0).abs() < 0.02, "{scheme:?} {}", missed(4096));
+            assert!(missed(20_000) < 1e-11, "{scheme:?} {}", missed(20_000));
+        }
+        let verlet = Choice { scheme: SchemeName::StormerVerlet, stages: None, steps: 100 };
+        assert_eq!(missed_at_kinks(&scene("sin(t)"), &verlet), 0.0);
     }
 
     #[test]

@@ -91,7 +91,8 @@ impl Search<'_> {
             }
             chain.push(Solution { choice, trial });
             if let [.., before, last] = &chain[..] {
-                let error = FROM_DIFFERENCE * self.error(before, last, &stretch);
+                let error =
+                    FROM_DIFFERENCE * self.error(before, last, &stretch) + self.missed(&before.choice);
                 if error <= self.aim {
                     found = Some((chain.len() - 2, error));
                     break;
@@ -168,7 +169,7 @@ impl Search<'_> {
             }
             if let Ok(trial) = self.trial(finer, stretch.clone(), f64::INFINITY)? {
                 let solution = Solution { choice: finer, trial };
-                let error = self.error(&solution, exact, stretch);
+                let error = self.error(&solution, exact, stretch) + self.missed(&finer);
                 if error <= self.aim {
                     found.push(candidate(&solution, error));
                 }

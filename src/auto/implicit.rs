@@ -27,6 +27,8 @@ struct Rung {
     seconds: f64,
     /// Relative difference from the previous rung.
     difference: f64,
+    /// What it misses at kinks of functions of time.
+    missed: f64,
 }
 
 impl Search<'_> {
@@ -60,7 +62,7 @@ impl Search<'_> {
             let Some(ladder) = next else { break };
             match self.trial(ladder.choice, 0.0..1.0, left.min(2.0 * cheapest))? {
                 Ok(trial) => {
-                    ladder.enter(trial, &self.norm);
+                    ladder.enter(trial, self);
                     if let Some(candidate) = ladder.measured(self.aim) {
                         found.push(candidate);
                         ladder.over = true;
@@ -112,11 +114,12 @@ impl Ladder {
         }
     }
 
-    fn enter(&mut self, trial: Trial, norm: &Norm) {
+    fn enter(&mut self, trial: Trial, search: &Search<'_>) {
+        let norm = &search.norm;
         let coarser = self.rungs.last();
         let difference = coarser.map_or(f64::INFINITY, |coarser| norm.error(&coarser.end, &trial.end));
-        let (choice, seconds) = (self.choice, trial.counted_seconds);
-        self.rungs.push(Rung { choice, end: trial.end, seconds, difference });
+        let (choice, seconds, missed) = (self.choice, trial.counted_seconds, search.missed(&self.choice));
+        self.rungs.push(Rung { choice, end: trial.end, seconds, difference, missed });
     }
 
     /// Returns the order of the last two differences, at most that of the scheme.
@@ -139,6 +142,7 @@ impl Ladder {
         let reliable = 2.0_f64.powf(order.min(RELIABLE_ORDER));
         let errors =
             [(coarse, fine.difference * gain / (gain - 1.0)), (fine, fine.difference / (reliable - 1.0))];
+        let errors = errors.map(|(rung, error)| (rung, error + rung.missed));
         let (rung, error) = errors.into_iter().find(|(_, error)| *error <= aim)?;
         Some(Candidate::new(rung.choice, rung.seconds / rung.choice.steps as f64, error, true))
     }

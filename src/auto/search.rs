@@ -113,6 +113,11 @@ impl<'a> Search<'a> {
         !self.refused.iter().any(|choice| choice.scheme == scheme && choice.stages == stages)
     }
 
+    /// Returns what a choice misses at kinks of functions of time, which differences of trials do not always show.
+    pub(super) fn missed(&self, choice: &Choice) -> f64 {
+        activity::missed_at_kinks(self.scene, choice)
+    }
+
     pub(super) fn spent(&self) -> f64 {
         self.spent.get()
     }

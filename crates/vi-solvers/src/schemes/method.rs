@@ -262,6 +262,16 @@ impl Method {
         }
     }
 
+    /// Returns the times (in units of h) and weights with which a step samples forces; `None` if it does not sum them.
+    pub fn samples(&self) -> Option<Vec<[f64; 2]>> {
+        if let Some(Splitting { kicks, drifts }) = self.splitting() {
+            let time_of = |number: usize| drifts[..number].iter().sum::<f64>();
+            return Some(kicks.iter().enumerate().map(|(number, kick)| [time_of(number), *kick]).collect());
+        }
+        let quadrature = self.scheme()?.quadrature;
+        Some(quadrature.nodes().iter().zip(quadrature.weights()).map(|(t, weight)| [*t, *weight]).collect())
+    }
+
     /// Returns the name in scene files.
     pub fn name(&self) -> &'static str {
         self.facts().name
@@ -411,6 +421,18 @@ mod tests {
             assert_eq!(facts.is_explicit, scheme.is_explicit(), "{}", facts.name);
             assert_eq!(facts.is_symmetric, scheme.is_symmetric(), "{}", facts.name);
             assert!(facts.is_variational(), "{}", facts.name);
+        }
+    }
+
+    /// The samples of a step integrate polynomials exactly, as far as the order of the scheme says.
+    #[test]
+    fn samples_integrate_to_the_order() {
+        for method in Method::variants() {
+            let Some(samples) = method.samples() else { continue };
+            for power in 0..method.facts().order as i32 {
+                let sum: f64 = samples.iter().map(|[t, weight]| weight * t.powi(power)).sum();
+                assert!((sum * f64::from(power + 1) - 1.0).abs() < 1e-12, "{}: {power}", method.label());
+            }
         }
     }
 
