@@ -31,5 +31,6 @@ mod stiff_cloth;
 mod stiff_parts;
 mod strikes;
 mod ties;
+mod turning;
 mod unheld;
 mod vibrations;

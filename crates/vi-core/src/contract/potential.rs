@@ -205,6 +205,14 @@ pub trait Potential: Send + Sync {
         false
     }
 
+    /// For terms that deform a body: writes forces over a step between these ends, one G_s per stencil as in
+    /// [`Potential::gradients`], with G_s·(x₁ − x₀) = V_s(x₁) − V_s(x₀), no net force, no moment about (x₀ + x₁)/2, and the order
+    /// 2 of ∂V_s/∂x there, for any rotation between the ends. Energy–momentum takes them in place of the gradient. Returns false, and
+    /// writes nothing, if the term has none; an empty range asks.
+    fn gradients_over_step(&self, _range: Range<usize>, _ends: [&[f64]; 2], _out: &mut [f64]) -> bool {
+        false
+    }
+
     /// Returns a discrete gradient of this term, if it has one. Implicit midpoint, energy–momentum and the explicit
     /// schemes use it in place of the gradient for live terms.
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {

@@ -6,6 +6,9 @@
 //! ```text
 //! G = ∂V/∂x(x_m) + λ M d,   λ = Σ_s (V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx) / dᵀM d.
 //! ```
+//! Terms with forces over a step of their own ([`Potential::gradients_over_step`]), as solids have, take these in place of ∂V/∂x(x_m),
+//! and do not count in λ.
+//!
 //! Here x_m is the mean of x₀ and x₁, and d is Δx without its rigid part: it is orthogonal in M to those translations
 //! and rotations about x_m under which V is invariant, so Σ M d = 0 and Σ x_m × M d = 0. The method has order 2 and is
 //! symmetric. Energy, linear and angular momentum are conserved to the tolerance of the solver.
@@ -18,6 +21,8 @@
 mod parts;
 mod rigid;
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use vi_core::{Potential, State, System};
 
@@ -27,6 +32,7 @@ use crate::error::SolverError;
 use crate::index::NONE;
 use crate::schemes::accounts;
 use crate::schemes::one_stage::rule::{Midpoint, MultiplierDirections, Rule, Trial};
+use crate::vectors;
 use parts::Parts;
 
 /// Number of stencils evaluated at once.
@@ -60,6 +66,10 @@ pub(crate) struct EnergyMomentum {
     correction_noise: f64,
     /// Gradient of the affine terms, if coordinates belong to one part each.
     affine: Vec<f64>,
+    /// Whether each term has forces over a step.
+    is_exact: Vec<bool>,
+    /// The forces of these terms over the step, and their gradient at x_m, N.
+    exact: [Vec<f64>; 2],
 }
 
 impl EnergyMomentum {
@@ -67,6 +77,7 @@ impl EnergyMomentum {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
         let parts = Parts::new(system);
+        let terms = system.potentials().iter();
         Self {
             midpoint: Midpoint::new(),
             defects: vec![[0.0; 2]; parts.count],
@@ -82,6 +93,8 @@ impl EnergyMomentum {
             corrected_energy: 0.0,
             correction_noise: 0.0,
             affine: vec![0.0; count],
+            is_exact: terms.map(|term| term.gradients_over_step(0..0, [&[]; 2], &mut [])).collect(),
+            exact: [(); 2].map(|()| vec![0.0; count]),
         }
     }
 
@@ -92,9 +105,12 @@ impl EnergyMomentum {
         self.sensitivity.clear();
         self.sensitivity.resize(self.parts.count, 0.0);
         let (start, mut squares) = (&self.x_start, Vec::new());
-        for ((term, part_of), before) in
-            system.potentials().iter().zip(&self.parts.of_stencils).zip(&mut self.before)
+        for (((term, part_of), before), is_exact) in
+            system.potentials().iter().zip(&self.parts.of_stencils).zip(&mut self.before).zip(&self.is_exact)
         {
+            if *is_exact {
+                continue;
+            }
             if !part_of.is_empty() {
                 before.resize(part_of.len(), 0.0);
                 in_batches(before, |first, out| term.energies(first..first + out.len(), start, t, out));
@@ -112,6 +128,35 @@ impl EnergyMomentum {
         self.sensitivity.iter_mut().for_each(|sum| *sum = sum.sqrt());
     }
 
+    /// Evaluates the terms that have forces over a step.
+    fn evaluate_exact(&mut self, trial: &Trial<'_>) {
+        let (middle, t) = (trial.evaluator.positions(), trial.evaluator.time());
+        let ends = [&self.x_start[..], &self.x_end];
+        self.exact.iter_mut().for_each(|sum| sum.fill(0.0));
+        let mut gradients = Vec::new();
+        for (term, _) in
+            trial.system.potentials().iter().zip(&self.is_exact).filter(|(_, is_exact)| **is_exact)
+        {
+            let stencils = term.stencils();
+            let size = stencils.size();
+            gradients.resize(stencils.count() * size, 0.0);
+            for (of_middle, sum) in [false, true].into_iter().zip(&mut self.exact) {
+                in_blocks(&mut gradients, size, |range, out| {
+                    if of_middle {
+                        term.gradients(range, middle, t, out);
+                    } else {
+                        term.gradients_over_step(range, ends, out);
+                    }
+                });
+                let gradients = gradients.chunks_exact(stencils.block);
+                for (&node, gradient) in stencils.nodes.iter().zip(gradients) {
+                    let dof = node as usize * stencils.block;
+                    sum[dof..dof + stencils.block].iter_mut().zip(gradient).for_each(|(sum, g)| *sum += g);
+                }
+            }
+        }
+    }
+
     /// Sums V_s(x₁) − V_s(x₀) − ∂V_s/∂x(x_m)·Δx over the stencils of each part.
     fn sum_defects(&mut self, trial: &Trial<'_>) {
         self.defects.fill([0.0; 2]);
@@ -119,8 +164,8 @@ impl EnergyMomentum {
         // The sum of ∂V_s/∂x·Δx over a part is its part of the gradient times Δx, if no coordinate belongs to two parts.
         let middle = if self.parts.share_coordinates { Some(trial.evaluator.positions()) } else { None };
         let terms = trial.system.potentials().iter().zip(&self.parts.of_stencils);
-        for ((term, part_of), before) in terms.zip(&self.before) {
-            if part_of.is_empty() {
+        for (((term, part_of), before), is_exact) in terms.zip(&self.before).zip(&self.is_exact) {
+            if part_of.is_empty() || *is_exact {
                 continue;
             }
             self.excess.resize(part_of.len(), [0.0; 2]);
@@ -143,7 +188,7 @@ impl EnergyMomentum {
             let (gradient, free) = (trial.evaluator.gradient(), trial.system.coordinates().free());
             let work = self.parts.sums(|k| {
                 let dof = free[k] as usize;
-                (gradient[dof] - self.affine[dof]) * self.dq[k]
+                (gradient[dof] - self.affine[dof] - self.exact[1][dof]) * self.dq[k]
             });
             self.defects.iter_mut().zip(work).for_each(|(defect, work)| defect[0] -= work);
         }
@@ -157,6 +202,18 @@ fn in_batches<T: Send>(out: &mut [T], batch: impl Fn(usize, &mut [T]) + Sync + S
         out.par_chunks_mut(BATCH).enumerate().for_each(each);
     } else {
         out.chunks_mut(BATCH).enumerate().for_each(each);
+    }
+}
+
+/// Calls `block` with ranges of stencils and the numbers of `out` that belong to them, `size` for each.
+fn in_blocks(out: &mut [f64], size: usize, block: impl Fn(Range<usize>, &mut [f64]) + Sync + Send) {
+    let each = |(index, out): (usize, &mut [f64])| {
+        block(index * BATCH..index * BATCH + out.len() / size, out);
+    };
+    if out.len() > 4 * BATCH * size {
+        out.par_chunks_mut(BATCH * size).enumerate().for_each(each);
+    } else {
+        out.chunks_mut(BATCH * size).enumerate().for_each(each);
     }
 }
 
@@ -283,6 +340,7 @@ impl Rule for EnergyMomentum {
             *end = trial.start_q[k] + self.dq[k];
         }
         coordinates.embed(out, t1, &mut self.x_end);
+        self.evaluate_exact(trial);
         self.sum_defects(trial);
         let (mass, x) = (trial.system.free_mass(), trial.evaluator.positions());
         let free = coordinates.free();
@@ -319,5 +377,12 @@ impl Rule for EnergyMomentum {
             *out = if part == NONE { 0.0 } else { factor(part as usize) * mass[k] * self.dq[k] };
         }
         self.prescribed_work = prescribed.iter().map(|&(part, square)| factor(part) * square).sum();
+        let [over, middle] = &mut self.exact;
+        vectors::update(over, |dof, over| *over -= middle[dof]);
+        coordinates.pull_back(over);
+        vectors::update(out, |k, out| *out += over[free[k] as usize]);
+        if coordinates.is_moving() {
+            self.prescribed_work += accounts::prescribed_work(trial.system, over, &self.dx);
+        }
     }
 }

@@ -373,3 +373,79 @@ fn single_tetrahedron_energy() {
         assert!((found - total).abs() < 1e-11, "{}: {found}", law.name());
     }
 }
+
+/// The forces over a step exchange exactly the change of energy, have neither a resultant nor a moment about the mean positions, and do
+/// not see a rotation of both ends together or of one after the other.
+#[test]
+fn forces_over_a_step_exchange_the_change_of_energy() {
+    for &kind in SOLIDS {
+        let mesh = distorted(kind);
+        for law in Law::examples() {
+            let potential = potential(&mesh, &law);
+            let stencils = potential.stencils();
+            let mut forces = vec![0.0; stencils.count() * stencils.size()];
+            let (sin, cos) = 0.8_f64.sin_cos();
+            let turn = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
+            let start = flat(&mesh, |point| apply(&STRETCH, point));
+            let end = flat(&mesh, |point| apply(&turn, bent(point)));
+            if !potential.gradients_over_step(0..stencils.count(), [&start, &end], &mut forces) {
+                assert_eq!(law.name(), "linear");
+                continue;
+            }
+            let (mut work, mut resultant, mut moment) = (0.0, [0.0; 3], [0.0; 3]);
+            for (&node, force) in stencils.nodes.iter().zip(forces.chunks_exact(3)) {
+                let first = 3 * node as usize;
+                let middle = [0, 1, 2].map(|k: usize| 0.5 * (start[first + k] + end[first + k]));
+                for k in 0..3 {
+                    work += force[k] * (end[first + k] - start[first + k]);
+                    resultant[k] += force[k];
+                    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                    moment[k] += middle[i] * force[j] - middle[j] * force[i];
+                }
+            }
+            let scale = size_of(&forces) * stencils.count() as f64;
+            let change = energy(potential.as_ref(), &end) - energy(potential.as_ref(), &start);
+            let name = law.name();
+            assert!((work - change).abs() <= 1e-13 * scale, "{kind} {name}: {work} {change}");
+            assert!(size_of(&resultant) <= 1e-13 * scale, "{kind} {name}: {resultant:?}");
+            assert!(size_of(&moment) <= 1e-13 * scale, "{kind} {name}: {moment:?}");
+            // Without a change of shape the forces are those at rest in between.
+            let turned: Vec<f64> =
+                start.chunks_exact(3).flat_map(|x| apply(&turn, [x[0], x[1], x[2]])).collect();
+            potential.gradients_over_step(0..stencils.count(), [&start, &turned], &mut forces);
+            let at_start = gradient_blocks(potential.as_ref(), &start);
+            for (over, before) in forces.chunks_exact(3).zip(at_start.chunks_exact(3)) {
+                let after = apply(&turn, [before[0], before[1], before[2]]);
+                for k in 0..3 {
+                    let mean = 0.5 * (before[k] + after[k]);
+                    assert!((over[k] - mean).abs() <= 1e-12 * size_of(&at_start), "{kind} {name}");
+                }
+            }
+        }
+    }
+}
+
+/// Over a short step they differ from the gradient in its middle by terms of second order.
+#[test]
+fn forces_over_a_step_have_order_two() {
+    let mesh = distorted(CellKind::Hex8);
+    for law in Law::examples().iter().filter(|law| law.name() != "linear") {
+        let potential = potential(&mesh, law);
+        let count = potential.stencils().count();
+        let error = |h: f64| {
+            let at = |s: f64| {
+                flat(&mesh, |point| {
+                    let (rest, moved) = (apply(&STRETCH, point), bent([point[1], point[2], point[0]]));
+                    [0, 1, 2].map(|k: usize| rest[k] + s * moved[k])
+                })
+            };
+            let mut forces = vec![0.0; count * potential.stencils().size()];
+            assert!(potential.gradients_over_step(0..count, [&at(-h), &at(h)], &mut forces));
+            let middle = gradient_blocks(potential.as_ref(), &at(0.0));
+            let difference: Vec<f64> = forces.iter().zip(&middle).map(|(a, b)| a - b).collect();
+            size_of(&difference)
+        };
+        let order = (error(0.04) / error(0.02)).log2();
+        assert!((1.8..2.2).contains(&order), "{}: {order}", law.name());
+    }
+}
