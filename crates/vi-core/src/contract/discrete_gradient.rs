@@ -72,7 +72,7 @@ pub struct StepOutcome {
     pub friction: f64,
     /// Energy dissipated by the damping of the term over the step, J (≥ 0).
     pub damping: f64,
-    /// Whether [`DiscreteGradient::dampers`] may return any at the end of the step.
+    /// Whether [`DiscreteGradient::end_forces`] may return any at the end of the step.
     pub has_dampers: bool,
     /// Impulses between parts of the system.
     pub impulses: Vec<Impulse>,
