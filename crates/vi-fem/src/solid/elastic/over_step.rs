@@ -12,12 +12,14 @@
 
 use std::ops::Range;
 
-use nalgebra::Matrix3;
+use pulp::{Simd, WithSimd};
 
 use super::{ElasticPotential, POINTS};
-use crate::lanes::pack::{GROUP, Pack};
+use crate::lanes::pack::{Pack, parts};
+use crate::lanes::real::Real;
+use crate::small::tensor::{Mat3, combine, contract, determinant, mat3, product, right_cauchy_green, vec3};
 use crate::solid::element::contract::Element;
-use crate::solid::material::batch::PackedMat3;
+use crate::solid::material::batch::{PackedMat3, load_mat3, store_mat3};
 
 /// A defect 2 ΔΨ − S:ΔC below this many units of its round-off counts as zero: it is of third order in ΔC, so that α ΔC would be
 /// round-off over |ΔC|.
@@ -29,81 +31,109 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> ElasticPotential<E, N, Q>
         let [mut ends, mut means] = [[[Pack::default(); 9]; POINTS]; 2];
         let mut energies = [[Pack::default(); POINTS]; 2];
         self.in_passes(&range, self.at(x[0]), |groups, points| {
-            let (ends, means) = (&mut ends[..points.len()], &mut means[..points.len()]);
+            let count = points.len();
+            let (ends, means) = (&mut ends[..count], &mut means[..count]);
             self.solids.deformations(groups.clone(), x[1], ends);
-            self.law.energies(arch, points, &mut energies[0][..points.len()]);
-            self.law.energies(arch, ends, &mut energies[1][..ends.len()]);
-            for (mean, (start, end)) in means.iter_mut().zip(points.iter().zip(&*ends)) {
-                for lane in 0..GROUP {
-                    store(mean, lane, &Mean::new([start, end].map(|f| load(f, lane))).factor);
-                }
-            }
+            self.law.energies(arch, points, &mut energies[0][..count]);
+            self.law.energies(arch, ends, &mut energies[1][..count]);
+            arch.dispatch(Factors { starts: points, ends, factors: means });
             self.law.stresses(arch, means);
-            for (k, (point, (end, stress))) in points.iter_mut().zip(ends.iter().zip(&*means)).enumerate() {
-                for lane in 0..GROUP {
-                    let mean = Mean::new([&*point, end].map(|f| load(f, lane)));
-                    let energies = [0, 1].map(|end: usize| energies[end][k].0[lane]);
-                    store(point, lane, &mean.stress(&load(stress, lane), energies));
-                }
-            }
+            let energies = energies.each_ref().map(|energies| &energies[..count]);
+            arch.dispatch(Stresses { points, ends, of_factors: means, energies });
             self.solids.forces(groups, points, range.clone(), out);
         });
     }
 }
 
-/// The kinematics of a point over a step.
-struct Mean {
-    /// F_m, C_m and ΔC.
-    deformation: Matrix3<f64>,
-    metric: Matrix3<f64>,
-    change: Matrix3<f64>,
-    /// ±U with UᵀU = C_m.
-    factor: Matrix3<f64>,
+/// Writes ±U at each point.
+struct Factors<'a> {
+    starts: &'a [PackedMat3],
+    ends: &'a [PackedMat3],
+    factors: &'a mut [PackedMat3],
 }
 
-impl Mean {
-    fn new([start, end]: [Matrix3<f64>; 2]) -> Self {
-        let deformation = 0.5 * (start + end);
-        let metrics = [start, end].map(|f| f.transpose() * f);
-        let (metric, change) = (0.5 * (metrics[0] + metrics[1]), metrics[1] - metrics[0]);
-        let mut u = Matrix3::zeros();
-        for i in 0..3 {
-            for j in i..3 {
-                let rest = metric[(i, j)] - (0..i).map(|k| u[(k, i)] * u[(k, j)]).sum::<f64>();
-                u[(i, j)] = if i == j { rest.sqrt() } else { rest / u[(i, i)] };
+impl WithSimd for Factors<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (factor, (start, end)) in self.factors.iter_mut().zip(self.starts.iter().zip(self.ends)) {
+            for part in 0..parts::<S>() {
+                let mean = Mean::new(&load_mat3(simd, start, part), &load_mat3(simd, end, part));
+                store_mat3(factor, part, &mean.factor);
             }
         }
-        let factor = if deformation.determinant() < 0.0 { -u } else { u };
-        Self { deformation, metric, change, factor }
+    }
+}
+
+/// Overwrites F at the start with P of the step at each point, from P(±U) and the energies at both ends.
+struct Stresses<'a> {
+    points: &'a mut [PackedMat3],
+    ends: &'a [PackedMat3],
+    of_factors: &'a [PackedMat3],
+    energies: [&'a [Pack]; 2],
+}
+
+impl WithSimd for Stresses<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (k, point) in self.points.iter_mut().enumerate() {
+            for part in 0..parts::<S>() {
+                let mean = Mean::new(&load_mat3(simd, point, part), &load_mat3(simd, &self.ends[k], part));
+                let of_factor = load_mat3(simd, &self.of_factors[k], part);
+                let [start, end] =
+                    [self.energies[0][k].load(simd, part), self.energies[1][k].load(simd, part)];
+                store_mat3(point, part, &mean.stress(&of_factor, start, end));
+            }
+        }
+    }
+}
+
+/// The kinematics of a point over a step.
+struct Mean<R> {
+    /// F_m, C_m and ΔC.
+    deformation: Mat3<R>,
+    metric: Mat3<R>,
+    change: Mat3<R>,
+    /// ±U with UᵀU = C_m.
+    factor: Mat3<R>,
+}
+
+impl<R: Real> Mean<R> {
+    #[inline(always)]
+    fn new(start: &Mat3<R>, end: &Mat3<R>) -> Self {
+        let [zero, half, one] =
+            [start[0][0].constant(0.0), start[0][0].constant(0.5), start[0][0].constant(1.0)];
+        let deformation = combine(half, start, half, end);
+        let (before, after) = (right_cauchy_green(start), right_cauchy_green(end));
+        let metric = combine(half, &before, half, &after);
+        let change = mat3!(i j => after[i][j] - before[i][j]);
+        let u00 = metric[0][0].sqrt();
+        let (u01, u02) = (metric[0][1] / u00, metric[0][2] / u00);
+        let u11 = (metric[1][1] - u01 * u01).sqrt();
+        let u12 = (metric[1][2] - u01 * u02) / u11;
+        let u22 = (metric[2][2] - u02 * u02 - u12 * u12).sqrt();
+        let u = [[u00, u01, u02], [zero, u11, u12], [zero, zero, u22]];
+        let sign = determinant(&deformation).if_positive(one, -one);
+        Self { deformation, metric, change, factor: mat3!(i j => sign * u[i][j]) }
     }
 
     /// Returns P, Pa, from P(±U) and the energies at both ends, J/m³.
-    fn stress(&self, of_factor: &Matrix3<f64>, [start, end]: [f64; 2]) -> Matrix3<f64> {
+    #[inline(always)]
+    fn stress(&self, of_factor: &Mat3<R>, start: R, end: R) -> Mat3<R> {
         let Self { deformation, metric, change, factor } = self;
-        let mut s = *of_factor;
-        for j in 0..3 {
-            for i in (0..3).rev() {
-                let rest = s[(i, j)] - (i + 1..3).map(|k| factor[(i, k)] * s[(k, j)]).sum::<f64>();
-                s[(i, j)] = rest / factor[(i, i)];
-            }
-        }
-        let s = 0.5 * (s + s.transpose());
-        let defect = 2.0 * (end - start) - s.dot(change);
-        let size = start.abs().max(end.abs()) + s.norm() * metric.norm();
-        let alpha =
-            if defect.abs() > NOISE * f64::EPSILON * size { defect / change.norm_squared() } else { 0.0 };
-        deformation * (s + alpha * change)
-    }
-}
-
-fn load(f: &PackedMat3, lane: usize) -> Matrix3<f64> {
-    Matrix3::from_fn(|i, j| f[3 * i + j].0[lane])
-}
-
-fn store(f: &mut PackedMat3, lane: usize, value: &Matrix3<f64>) {
-    for i in 0..3 {
-        for j in 0..3 {
-            f[3 * i + j].0[lane] = value[(i, j)];
-        }
+        let half = start.constant(0.5);
+        // U⁻¹P by rows, from the last one on.
+        let last = vec3!(j => of_factor[2][j] / factor[2][2]);
+        let middle = vec3!(j => (of_factor[1][j] - factor[1][2] * last[j]) / factor[1][1]);
+        let first =
+            vec3!(j => (of_factor[0][j] - factor[0][1] * middle[j] - factor[0][2] * last[j]) / factor[0][0]);
+        let rows = [first, middle, last];
+        let s = mat3!(i j => half * (rows[i][j] + rows[j][i]));
+        let defect = (end - start) * 2.0 - contract(&s, change);
+        let size = start.abs() + end.abs() + (contract(&s, &s) * contract(metric, metric)).sqrt();
+        let alpha = defect / contract(change, change);
+        let alpha = (defect.abs() - size * (NOISE * f64::EPSILON)).if_positive(alpha, start.constant(0.0));
+        product(deformation, &mat3!(i j => alpha.mul_add(change[i][j], s[i][j])))
     }
 }
