@@ -205,11 +205,11 @@ pub trait Potential: Send + Sync {
         false
     }
 
-    /// For terms that deform a body: writes forces over a step between these ends, one G_s per stencil as in
-    /// [`Potential::gradients`], with G_s·(x₁ − x₀) = V_s(x₁) − V_s(x₀), no net force, no moment about (x₀ + x₁)/2, and the order
-    /// 2 of ∂V_s/∂x there, for any rotation between the ends. Energy–momentum takes them in place of the gradient. Returns false, and
-    /// writes nothing, if the term has none; an empty range asks.
-    fn gradients_over_step(&self, _range: Range<usize>, _ends: [&[f64]; 2], _out: &mut [f64]) -> bool {
+    /// For terms that deform a body: writes the corrections G_s − ∂V_s/∂x(x_m) of the gradients at x_m = (x₀ + x₁)/2, one per stencil as
+    /// in [`Potential::gradients`], to forces G_s over a step between these ends. G_s·(x₁ − x₀) = V_s(x₁) − V_s(x₀), and G_s has no
+    /// resultant, no moment about x_m, and the order 2 of the gradient there, for any rotation between the ends. Energy–momentum applies
+    /// them. Returns false, and writes nothing, if the term has none; an empty range asks.
+    fn corrections_over_step(&self, _range: Range<usize>, _ends: [&[f64]; 2], _out: &mut [f64]) -> bool {
         false
     }
 

@@ -401,11 +401,11 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
         true
     }
 
-    fn gradients_over_step(&self, range: Range<usize>, ends: [&[f64]; 2], out: &mut [f64]) -> bool {
+    fn corrections_over_step(&self, range: Range<usize>, ends: [&[f64]; 2], out: &mut [f64]) -> bool {
         // The gradient of a quadratic energy in the middle of a step is exact, and small strains do not know rotations.
         let is_exact = self.law.is_linear();
         if !is_exact && !range.is_empty() {
-            self.forces_over_step(range, ends, out);
+            Self::corrections_over_step(self, range, ends, out);
         }
         !is_exact
     }

@@ -8,8 +8,9 @@
 //! about x_m. A rigid motion has ΔC = 0 and C_m = C₀, whatever its angle is: F_m alone is contracted by it.
 //!
 //! Laws are functions of F. S is U⁻¹P(U) with the Cholesky factor UᵀU = C_m, or −U if the elements are inverted, as Ψ does not depend on
-//! the rotation of F.
+//! the rotation of F. Only the difference of P from P(F_m) is integrated.
 
+use std::cell::RefCell;
 use std::ops::Range;
 
 use pulp::{Simd, WithSimd};
@@ -26,54 +27,76 @@ use crate::solid::material::batch::{PackedMat3, load_mat3, store_mat3};
 const NOISE: f64 = 16.0;
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> ElasticPotential<E, N, Q> {
-    pub(super) fn forces_over_step(&self, range: Range<usize>, x: [&[f64]; 2], out: &mut [f64]) {
+    pub(super) fn corrections_over_step(&self, range: Range<usize>, x: [&[f64]; 2], out: &mut [f64]) {
         let arch = self.solids.arch();
-        let [mut ends, mut means] = [[[Pack::default(); 9]; POINTS]; 2];
-        let mut energies = [[Pack::default(); POINTS]; 2];
-        self.in_passes(&range, self.at(x[0]), |groups, points| {
-            let count = points.len();
-            let (ends, means) = (&mut ends[..count], &mut means[..count]);
-            self.solids.deformations(groups.clone(), x[1], ends);
-            self.law.energies(arch, points, &mut energies[0][..count]);
-            self.law.energies(arch, ends, &mut energies[1][..count]);
-            arch.dispatch(Factors { starts: points, ends, factors: means });
-            self.law.stresses(arch, means);
-            let energies = energies.each_ref().map(|energies| &energies[..count]);
-            arch.dispatch(Stresses { points, ends, of_factors: means, energies });
-            self.solids.forces(groups, points, range.clone(), out);
+        SCRATCH.with_borrow_mut(|Scratch { tensors, energies }| {
+            tensors.resize(3 * POINTS, [Pack::default(); 9]);
+            energies.resize(2 * POINTS, Pack::default());
+            self.in_passes(&range, self.at(x[0]), |groups, points| {
+                let [ends, middles, factors] = parts_of(tensors, points.len());
+                let [before, after] = parts_of(energies, points.len());
+                self.solids.deformations(groups.clone(), x[1], ends);
+                self.law.energies(arch, points, before);
+                self.law.energies(arch, ends, after);
+                arch.dispatch(Means { starts: points, ends, middles, factors });
+                self.law.stresses(arch, middles);
+                self.law.stresses(arch, factors);
+                let (of_middles, of_factors, energies) = (&*middles, &*factors, [&*before, &*after]);
+                arch.dispatch(Corrections { points, ends, of_middles, of_factors, energies });
+                self.solids.forces(groups, points, range.clone(), out);
+            });
         });
     }
 }
 
-/// Writes ±U at each point.
-struct Factors<'a> {
+/// Scratch memory for the points of a pass.
+struct Scratch {
+    tensors: Vec<PackedMat3>,
+    energies: Vec<Pack>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Scratch> = const { RefCell::new(Scratch { tensors: Vec::new(), energies: Vec::new() }) };
+}
+
+/// Returns the first `count` entries of each of N runs of [`POINTS`].
+fn parts_of<T, const N: usize>(scratch: &mut [T], count: usize) -> [&mut [T]; N] {
+    let mut parts = scratch.chunks_exact_mut(POINTS);
+    std::array::from_fn(|_| parts.next().map_or(&mut [][..], |part| &mut part[..count]))
+}
+
+/// Writes F_m and ±U at each point.
+struct Means<'a> {
     starts: &'a [PackedMat3],
     ends: &'a [PackedMat3],
+    middles: &'a mut [PackedMat3],
     factors: &'a mut [PackedMat3],
 }
 
-impl WithSimd for Factors<'_> {
+impl WithSimd for Means<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
-        for (factor, (start, end)) in self.factors.iter_mut().zip(self.starts.iter().zip(self.ends)) {
+        for (k, (start, end)) in self.starts.iter().zip(self.ends).enumerate() {
             for part in 0..parts::<S>() {
                 let mean = Mean::new(&load_mat3(simd, start, part), &load_mat3(simd, end, part));
-                store_mat3(factor, part, &mean.factor);
+                store_mat3(&mut self.middles[k], part, &mean.deformation);
+                store_mat3(&mut self.factors[k], part, &mean.factor);
             }
         }
     }
 }
 
-/// Overwrites F at the start with P of the step at each point, from P(±U) and the energies at both ends.
-struct Stresses<'a> {
+/// Overwrites F at the start with P − P(F_m) at each point, from P(F_m), P(±U) and the energies at both ends.
+struct Corrections<'a> {
     points: &'a mut [PackedMat3],
     ends: &'a [PackedMat3],
+    of_middles: &'a [PackedMat3],
     of_factors: &'a [PackedMat3],
     energies: [&'a [Pack]; 2],
 }
 
-impl WithSimd for Stresses<'_> {
+impl WithSimd for Corrections<'_> {
     type Output = ();
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) {
@@ -83,7 +106,9 @@ impl WithSimd for Stresses<'_> {
                 let of_factor = load_mat3(simd, &self.of_factors[k], part);
                 let [start, end] =
                     [self.energies[0][k].load(simd, part), self.energies[1][k].load(simd, part)];
-                store_mat3(point, part, &mean.stress(&of_factor, start, end));
+                let stress = mean.stress(&of_factor, start, end);
+                let of_middle = load_mat3(simd, &self.of_middles[k], part);
+                store_mat3(point, part, &mat3!(i j => stress[i][j] - of_middle[i][j]));
             }
         }
     }
@@ -95,8 +120,9 @@ struct Mean<R> {
     deformation: Mat3<R>,
     metric: Mat3<R>,
     change: Mat3<R>,
-    /// ±U with UᵀU = C_m.
+    /// ±U with UᵀU = C_m, and the inverses of its diagonal.
     factor: Mat3<R>,
+    inverses: [R; 3],
 }
 
 impl<R: Real> Mean<R> {
@@ -108,26 +134,28 @@ impl<R: Real> Mean<R> {
         let (before, after) = (right_cauchy_green(start), right_cauchy_green(end));
         let metric = combine(half, &before, half, &after);
         let change = mat3!(i j => after[i][j] - before[i][j]);
+        let sign = determinant(&deformation).if_positive(one, -one);
         let u00 = metric[0][0].sqrt();
-        let (u01, u02) = (metric[0][1] / u00, metric[0][2] / u00);
+        let i00 = one / u00;
+        let (u01, u02) = (metric[0][1] * i00, metric[0][2] * i00);
         let u11 = (metric[1][1] - u01 * u01).sqrt();
-        let u12 = (metric[1][2] - u01 * u02) / u11;
+        let i11 = one / u11;
+        let u12 = (metric[1][2] - u01 * u02) * i11;
         let u22 = (metric[2][2] - u02 * u02 - u12 * u12).sqrt();
         let u = [[u00, u01, u02], [zero, u11, u12], [zero, zero, u22]];
-        let sign = determinant(&deformation).if_positive(one, -one);
-        Self { deformation, metric, change, factor: mat3!(i j => sign * u[i][j]) }
+        let inverses = [i00, i11, one / u22].map(|inverse| sign * inverse);
+        Self { deformation, metric, change, factor: mat3!(i j => sign * u[i][j]), inverses }
     }
 
     /// Returns P, Pa, from P(±U) and the energies at both ends, J/m³.
     #[inline(always)]
     fn stress(&self, of_factor: &Mat3<R>, start: R, end: R) -> Mat3<R> {
-        let Self { deformation, metric, change, factor } = self;
+        let Self { deformation, metric, change, factor, inverses: [i0, i1, i2] } = self;
         let half = start.constant(0.5);
         // U⁻¹P by rows, from the last one on.
-        let last = vec3!(j => of_factor[2][j] / factor[2][2]);
-        let middle = vec3!(j => (of_factor[1][j] - factor[1][2] * last[j]) / factor[1][1]);
-        let first =
-            vec3!(j => (of_factor[0][j] - factor[0][1] * middle[j] - factor[0][2] * last[j]) / factor[0][0]);
+        let last = vec3!(j => of_factor[2][j] * *i2);
+        let middle = vec3!(j => (of_factor[1][j] - factor[1][2] * last[j]) * *i1);
+        let first = vec3!(j => (of_factor[0][j] - factor[0][1] * middle[j] - factor[0][2] * last[j]) * *i0);
         let rows = [first, middle, last];
         let s = mat3!(i j => half * (rows[i][j] + rows[j][i]));
         let defect = (end - start) * 2.0 - contract(&s, change);
