@@ -10,6 +10,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 use robust::{Coord, Coord3D, orient2d, orient3d};
+use vi_mesh::Bounds;
 
 /// Number of segments per task.
 const SEGMENTS: usize = 1024;
@@ -166,19 +167,12 @@ impl Grid {
     fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
         let boxes: Vec<[[f64; 3]; 2]> = triangles.iter().map(|nodes| bounds(points, nodes)).collect();
         let extent = |[low, high]: &[[f64; 3]; 2]| (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
-        let all =
-            boxes.iter().fold([[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]], |[mut low, mut high], item| {
-                for k in 0..3 {
-                    low[k] = low[k].min(item[0][k]);
-                    high[k] = high[k].max(item[1][k]);
-                }
-                [low, high]
-            });
+        let all = Bounds::of(boxes.iter().flatten().copied());
         let mean = boxes.iter().map(extent).sum::<f64>() / boxes.len().max(1) as f64;
-        let size = mean.max(extent(&all) / FINEST);
+        let size = mean.max(all.longest_side() / FINEST);
         let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
         let mut grid =
-            Self { origin: all[0], size, cubes: HashMap::new(), boxes: Vec::new(), first: Vec::new() };
+            Self { origin: all.low, size, cubes: HashMap::new(), boxes: Vec::new(), first: Vec::new() };
         for (number, item) in (0..).zip(&boxes) {
             for cube in grid.cubes_of(item) {
                 grid.cubes.entry(cube).or_default().push(number);
@@ -227,13 +221,7 @@ fn overlap([low, high]: &[[f64; 3]; 2], [other_low, other_high]: &[[f64; 3]; 2])
 }
 
 fn bounds(points: &[[f64; 3]], nodes: &[u32]) -> [[f64; 3]; 2] {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for &node in nodes {
-        for k in 0..3 {
-            low[k] = low[k].min(points[node as usize][k]);
-            high[k] = high[k].max(points[node as usize][k]);
-        }
-    }
+    let Bounds { low, high } = Bounds::of(nodes.iter().map(|&node| points[node as usize]));
     [low, high]
 }
 

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use nalgebra::{Matrix3, Vector3};
-use vi_mesh::{Surface, orient_triangles};
+use vi_mesh::{Bounds, Surface, orient_triangles};
 
 use super::import::sheet;
 use super::shape::Form;
@@ -77,13 +77,8 @@ fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, Stri
         (volume, moment, second) = (-volume, -moment, -second);
         triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
     }
-    let extent = |k: usize| {
-        let range = points
-            .iter()
-            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [x[k].min(low), x[k].max(high)]);
-        range[1] - range[0]
-    };
-    let box_volume = extent(0) * extent(1) * extent(2);
+    let [length, width, height] = Bounds::of(points.iter().map(|&x| x.into())).sides();
+    let box_volume = length * width * height;
     if volume.is_nan() || volume <= 1e-9 * box_volume {
         return Err(format!("its surface encloses no volume ({volume:.3e} m³)"));
     }
@@ -98,7 +93,7 @@ fn enclosed(all: &[[f64; 3]], mut triangles: Vec<[u32; 3]>) -> Result<Form, Stri
         volume,
         centre: centre.into(),
         squares,
-        thickness: extent(0).min(extent(1)).min(extent(2)),
+        thickness: length.min(width).min(height),
     })
 }
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use vi_fem::Spread;
-use vi_mesh::{Mesh, Surface};
+use vi_mesh::{Bounds, Mesh, Surface};
 
 use crate::scene::{PlaneRegion, Selection};
 
@@ -33,13 +33,13 @@ pub(super) fn nodes(mesh: &Mesh, on: &Selection) -> Result<Vec<u32>, (&'static s
         return listed_nodes(mesh, listed).map_err(|message| (key, message));
     };
     if found.is_empty() {
-        let (min, max) = bounds(mesh);
+        let Bounds { low, high } = Bounds::of(mesh.points.iter().copied());
         let shape = match key {
             "plane" => "on this plane",
             "sphere" => "in this ball",
             _ => "in this box",
         };
-        return Err((key, format!("no node is {shape}; the body lies in {min:?} to {max:?} m")));
+        return Err((key, format!("no node is {shape}; the body lies in {low:?} to {high:?} m")));
     }
     Ok(found)
 }
@@ -159,21 +159,7 @@ pub(super) fn elements(
     Ok(cells)
 }
 
-/// Returns the smallest and largest coordinates of a mesh, m.
-fn bounds(mesh: &Mesh) -> ([f64; 3], [f64; 3]) {
-    let mut min = [f64::INFINITY; 3];
-    let mut max = [f64::NEG_INFINITY; 3];
-    for x in &mesh.points {
-        for k in 0..3 {
-            min[k] = min[k].min(x[k]);
-            max[k] = max[k].max(x[k]);
-        }
-    }
-    (min, max)
-}
-
 /// Returns the largest extent of a mesh along an axis, m.
 pub(super) fn extent(mesh: &Mesh) -> f64 {
-    let (min, max) = bounds(mesh);
-    (0..3).map(|k| max[k] - min[k]).fold(0.0, f64::max)
+    Bounds::of(mesh.points.iter().copied()).longest_side()
 }

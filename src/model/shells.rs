@@ -1,6 +1,7 @@
 //! The shells of a closed surface: whether they bound a solid. Otherwise parts of the enclosed volume count twice, or not at all.
 
 use vi_core::DisjointSets;
+use vi_mesh::Bounds;
 
 use crate::intersections::{intersections, is_inside};
 
@@ -8,7 +9,7 @@ use crate::intersections::{intersections, is_inside};
 struct Shell {
     triangles: Vec<[u32; 3]>,
     /// Ends of its box, m.
-    ends: [[f64; 3]; 2],
+    bounds: Bounds,
     /// Whether its triangles turn their front outwards.
     is_outward: bool,
 }
@@ -28,7 +29,7 @@ pub(super) fn fault(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<Strin
     for (number, shell) in shells.iter().enumerate() {
         let inner = place(shell.triangles[0][0]);
         let holds = |other: &Shell| {
-            let [low, high] = other.ends;
+            let Bounds { low, high } = other.bounds;
             (0..3).all(|k| low[k] < inner[k] && inner[k] < high[k])
                 && is_inside(inner, points, &other.triangles)
         };
@@ -64,15 +65,9 @@ fn shells(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Vec<Shell> {
     pieces.sort_by_key(|(root, _)| *root);
     let of_piece = |piece: &[(u32, [u32; 3])]| {
         let triangles: Vec<[u32; 3]> = piece.iter().map(|(_, triangle)| *triangle).collect();
-        let mut ends = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for point in triangles.as_flattened().iter().map(|&node| points[node as usize]) {
-            for k in 0..3 {
-                ends[0][k] = ends[0][k].min(point[k]);
-                ends[1][k] = ends[1][k].max(point[k]);
-            }
-        }
-        let is_outward = six_volumes(points, &triangles, ends[0]) > 0.0;
-        Shell { triangles, ends, is_outward }
+        let bounds = Bounds::of(triangles.as_flattened().iter().map(|&node| points[node as usize]));
+        let is_outward = six_volumes(points, &triangles, bounds.low) > 0.0;
+        Shell { triangles, bounds, is_outward }
     };
     pieces.chunk_by(|a, b| a.0 == b.0).map(of_piece).collect()
 }

@@ -1,6 +1,6 @@
 //! Tells where a body is so far from the origin that the spacing of floating-point numbers changes the shape of its elements.
 
-use vi_mesh::Mesh;
+use vi_mesh::{Bounds, Mesh};
 
 /// Spacing of coordinates, relative to the smallest edge, from which it is told. Strains have an error of about this size, which is a
 /// stress of 1e-6 of the stiffness.
@@ -12,14 +12,9 @@ const FAR: f64 = 1e3;
 
 /// Returns a note if coordinates are spaced too coarsely for the smallest edge.
 pub(super) fn note(name: &str, mesh: &Mesh) -> Option<String> {
-    let (mut least, mut greatest) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for point in &mesh.points {
-        for k in 0..3 {
-            (least[k], greatest[k]) = (least[k].min(point[k]), greatest[k].max(point[k]));
-        }
-    }
-    let reach = least.iter().chain(&greatest).fold(0.0_f64, |reach, x| reach.max(x.abs()));
-    let extent = (0..3).map(|k| greatest[k] - least[k]).fold(0.0, f64::max);
+    let bounds = Bounds::of(mesh.points.iter().copied());
+    let reach = bounds.low.iter().chain(&bounds.high).fold(0.0_f64, |reach, x| reach.max(x.abs()));
+    let extent = bounds.longest_side();
     let spacing = f64::EPSILON * reach;
     if reach < FAR * extent {
         return None;

@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use vi_core::{Stencils, System};
+use vi_mesh::Bounds;
 
 use super::Simulation;
 use crate::scene::Load;
@@ -38,14 +39,7 @@ impl Simulation {
         for (key, body, point) in probes.chain(loads).chain(springs) {
             let (Some(body), Some(point)) = (body, point) else { continue };
             let Some(body) = self.bodies.iter().find(|other| other.name == body) else { continue };
-            let mut ends = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-            for x in &body.mesh.points {
-                for k in 0..3 {
-                    ends[0][k] = ends[0][k].min(x[k]);
-                    ends[1][k] = ends[1][k].max(x[k]);
-                }
-            }
-            let [low, high] = ends;
+            let Bounds { low, high } = Bounds::of(body.mesh.points.iter().copied());
             let outside = |k: usize| (low[k] - point[k]).max(point[k] - high[k]).max(0.0);
             let length = |part: &dyn Fn(usize) -> f64| (0..3).map(|k| part(k).powi(2)).sum::<f64>().sqrt();
             let (distance, size) = (length(&outside), length(&|k| high[k] - low[k]));

@@ -7,6 +7,7 @@ mod report;
 use std::path::Path;
 
 use vi_io::PvdSeries;
+use vi_mesh::Bounds;
 use vi_solvers::{ModeOptions, SolverError};
 
 use crate::auto::stand_in;
@@ -174,19 +175,16 @@ fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> 
     }
     coordinates.to_space(&mut all);
     coordinates.complete(&mut all);
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let mut displacement: Vec<[f64; 3]> = Vec::new();
     for body in simulation.bodies() {
         let moves = body.component == *component;
-        for (node, point) in body.mesh.points.iter().enumerate() {
+        for node in 0..body.mesh.points.len() {
             let at = body.node(node);
             displacement.push(if moves { [0, 1, 2].map(|k| all[3 * at + k]) } else { [0.0; 3] });
-            for k in (0..3).filter(|_| moves) {
-                (low[k], high[k]) = (low[k].min(point[k]), high[k].max(point[k]));
-            }
         }
     }
-    let extent = (0..3).map(|k| high[k] - low[k]).fold(0.0, f64::max);
+    let moving = simulation.bodies().iter().filter(|body| body.component == *component);
+    let extent = Bounds::of(moving.flat_map(|body| body.mesh.points.iter().copied())).longest_side();
     let length = |u: &[f64; 3]| u.iter().map(|u| u * u).sum::<f64>().sqrt();
     let largest = displacement.iter().map(length).fold(0.0, f64::max);
     let factor = if largest > 0.0 { SHAPE_SIZE * extent / largest } else { 0.0 };

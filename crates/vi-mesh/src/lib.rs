@@ -5,6 +5,7 @@
 
 mod arrays;
 mod boundary;
+mod bounds;
 mod cell;
 mod check;
 mod error;
@@ -25,6 +26,7 @@ mod triangulation;
 mod vector;
 mod volume;
 
+pub use bounds::Bounds;
 pub use cell::{CellKind, Side};
 pub use check::volume_of_round_off;
 pub use error::MeshError;

@@ -1,6 +1,7 @@
 //! Orders the elements of a region and the nodes of a mesh such that neighbours in the list are neighbours in space.
 //! A run of elements then touches few nodes, and these are near each other.
 
+use crate::bounds::Bounds;
 use crate::mesh::Mesh;
 
 /// Number of bits of each coordinate that are used.
@@ -16,14 +17,9 @@ pub(crate) struct Curve {
 
 impl Curve {
     pub(crate) fn through(points: impl Iterator<Item = [f64; 3]>) -> Self {
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for point in points {
-            for i in 0..3 {
-                (low[i], high[i]) = (low[i].min(point[i]), high[i].max(point[i]));
-            }
-        }
-        let extent = (0..3).map(|i| high[i] - low[i]).fold(0.0, f64::max);
-        Self { low, scale: if extent > 0.0 { f64::from((1 << BITS) - 1) / extent } else { 0.0 } }
+        let bounds = Bounds::of(points);
+        let extent = bounds.longest_side();
+        Self { low: bounds.low, scale: if extent > 0.0 { f64::from((1 << BITS) - 1) / extent } else { 0.0 } }
     }
 
     /// Returns the position of a point on the curve.

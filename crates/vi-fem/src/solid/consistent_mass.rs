@@ -9,7 +9,7 @@ use crate::error::FemError;
 use crate::small::tensor::determinant;
 use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::visit_solid;
-use vi_mesh::{CellKind, Mesh};
+use vi_mesh::{Bounds, CellKind, Mesh};
 
 /// Number of Gauss points along each direction of the reference cell: more than any N_a N_b det J needs.
 const POINTS: usize = 5;
@@ -69,13 +69,7 @@ pub(crate) fn triangle_mass(
 pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
     kind: CellKind,
 ) -> Vec<([f64; 3], f64)> {
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for node in E::nodes() {
-        for k in 0..3 {
-            low[k] = low[k].min(node[k]);
-            high[k] = high[k].max(node[k]);
-        }
-    }
+    let Bounds { low, high } = Bounds::of(E::nodes());
     // The rule with five points always exists.
     let Ok(line) = Quadrature::gauss_legendre(POINTS) else { return Vec::new() };
     let line: Vec<(f64, f64)> = line.nodes().iter().copied().zip(line.weights().iter().copied()).collect();

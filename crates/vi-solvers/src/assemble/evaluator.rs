@@ -172,9 +172,7 @@ impl Evaluator {
     /// Returns the work of the forces without a potential at the last evaluation along `dx` (in the nodes' own axes)
     /// by account: (force, damping), J.
     pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
-        let Some(forces) = &self.nonconservative else { return (0.0, 0.0) };
-        let force = vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).0 * dx[dof]);
-        (force, vectors::sum(dx.len(), |dof| forces.sum.by_account(dof).1 * dx[dof]))
+        self.nonconservative.as_ref().map_or((0.0, 0.0), |forces| forces.sum.work(dx))
     }
 
     /// Returns whether friction is [lagged](Evaluator::lag_friction) or forces are [held](Evaluator::hold_forces).

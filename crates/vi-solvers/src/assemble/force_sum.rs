@@ -12,6 +12,7 @@ use vi_core::{Account, Force, ForceAccount, HessianKind, Potential, Stencils, Sy
 use crate::assemble::fixed::FixedSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::linear::matrix::SymmetricMatrix;
+use crate::vectors;
 
 /// The tangent of a force that is assembled like a Hessian.
 #[derive(Clone, Copy, PartialEq)]
@@ -139,6 +140,12 @@ impl ForceSum {
     pub(crate) fn by_account(&self, dof: usize) -> (f64, f64) {
         let of = |group: &Option<Group>| group.as_ref().map_or(0.0, |group| -group.negative[dof]);
         (of(&self.force), of(&self.damping))
+    }
+
+    /// Returns Σ f_i d_i by ledger account, (force, damping); `along` holds d of all coordinates in the nodes' own axes.
+    pub(crate) fn work(&self, along: &[f64]) -> (f64, f64) {
+        let force = vectors::sum(along.len(), |dof| self.by_account(dof).0 * along[dof]);
+        (force, vectors::sum(along.len(), |dof| self.by_account(dof).1 * along[dof]))
     }
 
     /// Returns the force on coordinate x_i, N.

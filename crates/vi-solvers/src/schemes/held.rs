@@ -5,7 +5,6 @@ use vi_core::{StepEnergy, System};
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::schemes::accounts;
-use crate::vectors;
 
 /// Nodes and weights of Gauss's rule with three points on [0, 1], which integrates powers of degree 5 in time exactly.
 const GAUSS: [(f64, f64); 3] =
@@ -56,8 +55,9 @@ impl HeldWork {
             if let Some(forces) = &mut self.forces {
                 forces.evaluate(&x, if self.is_static { &still } else { &x_dot }, t);
                 coordinates.to_own_axes(&mut x_dot);
-                force += duration * vectors::sum(x.len(), |dof| forces.by_account(dof).0 * x_dot[dof]);
-                damping += duration * vectors::sum(x.len(), |dof| forces.by_account(dof).1 * x_dot[dof]);
+                let (of_force, of_damping) = forces.work(&x_dot);
+                force += duration * of_force;
+                damping += duration * of_damping;
             }
         }
         let prescribed = end - start - loads - force - damping;

@@ -110,19 +110,15 @@ impl KickDrift {
                 self.potential_energies.add_work(system, &self.evaluator, kick, &self.x_dot);
             }
             system.coordinates().to_own_axes(&mut self.x_dot);
-            let x_dot = &self.x_dot;
-            let done = [0, 1].map(|account: usize| {
-                kick * vectors::sum(x_dot.len(), |dof| {
-                    <[f64; 2]>::from(forces.by_account(dof))[account] * x_dot[dof]
-                })
-            });
+            let (force, damping) = forces.work(&self.x_dot);
             if is_deferred {
-                work += done[0] + done[1];
+                work += kick * force + kick * damping;
             } else {
-                energy.force += done[0];
-                energy.damping += done[1];
+                energy.force += kick * force;
+                energy.damping += kick * damping;
             }
             if system.coordinates().is_moving() {
+                let x_dot = &self.x_dot;
                 let moved = kick * accounts::prescribed_work(system, gradient, x_dot);
                 let negative: Vec<f64> = self.net.iter().map(|net| -net).collect();
                 energy.prescribed += kick * accounts::prescribed_work(system, &negative, x_dot);
