@@ -84,11 +84,7 @@ pub(crate) struct Watching {
 
 /// Monitors the energy of a run.
 pub(crate) struct EnergyGuard {
-    pub(crate) rule: Guard,
-    is_stated: bool,
-    stride: u64,
-    warns_above: f64,
-    watches_motion: bool,
+    watching: Watching,
     pub(crate) growth: Growth,
     events: Vec<GuardEvent>,
     /// Energy below which round-off dominates, J.
@@ -101,25 +97,19 @@ impl EnergyGuard {
     /// Makes the guard of a scheme of order `order` at the first observation. Below the energy `resolution` (J)
     /// round-off dominates.
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
-        let Watching { rule, is_stated, stride, warns_above, watches_motion } = watching;
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self {
-            rule,
-            is_stated,
-            stride,
-            warns_above,
-            watches_motion,
-            growth,
-            events: Vec::new(),
-            resolution,
-            order,
-        }
+        Self { watching, growth, events: Vec::new(), resolution, order }
+    }
+
+    /// Returns when and how the guard acts.
+    pub(crate) fn rule(&self) -> &Guard {
+        &self.watching.rule
     }
 
     /// Returns whether the guard looks at the state after this step in order to act.
     pub(crate) fn is_due(&self, step: u64) -> bool {
-        self.rule.acts() && step.is_multiple_of(self.stride)
+        self.watching.rule.acts() && step.is_multiple_of(self.watching.stride)
     }
 
     /// Returns whether the guard must observe after a step at which it is due, given the `kinetic` energy (J).
@@ -127,7 +117,7 @@ impl EnergyGuard {
     /// Kinetic energy that exceeds what was exchanged until the last observation is suspicious. It costs far less than an observation,
     /// and grows with all energy if a step is unstable.
     pub(crate) fn suspects(&self, kinetic: impl FnOnce() -> f64) -> bool {
-        if !self.watches_motion {
+        if !self.watching.watches_motion {
             return true;
         }
         let kinetic = kinetic();
@@ -137,12 +127,12 @@ impl EnergyGuard {
     /// Returns whether the guard must observe after this step because it was divided: then energy may grow by many times the
     /// exchange within a few steps, at the highest price.
     pub(crate) fn doubts(&self, stepped: &Stepped) -> bool {
-        self.rule.acts() && stepped.substeps > 0
+        self.watching.rule.acts() && stepped.substeps > 0
     }
 
     /// Returns whether a state to go back to is kept after this step.
     pub(crate) fn keeps(&self, step: u64) -> bool {
-        step.is_multiple_of(self.stride.max(STRIDE))
+        step.is_multiple_of(self.watching.stride.max(STRIDE))
     }
 
     /// Records an observation and the energy ledger up to it.
@@ -176,9 +166,9 @@ impl EnergyGuard {
     fn allowed(&self, steps: u64) -> Option<f64> {
         let error = 4.0 / (steps as f64).powi(self.order.max(1) as i32);
         match self.order {
-            0 | 1 => (error <= self.rule.bound).then_some(self.rule.bound),
-            _ if self.is_stated => (steps > 2).then_some(self.rule.bound),
-            _ => (steps > 2).then_some(self.rule.bound.max(error)),
+            0 | 1 => (error <= self.watching.rule.bound).then_some(self.watching.rule.bound),
+            _ if self.watching.is_stated => (steps > 2).then_some(self.watching.rule.bound),
+            _ => (steps > 2).then_some(self.watching.rule.bound.max(error)),
         }
     }
 
@@ -199,7 +189,7 @@ impl EnergyGuard {
     /// Returns a warning if growth exceeded the bound and the run was not ended.
     pub(crate) fn warning(&self) -> Option<String> {
         let relative = self.relative();
-        if self.rule.action == GuardAction::Off || relative <= self.warns_above {
+        if self.watching.rule.action == GuardAction::Off || relative <= self.watching.warns_above {
             return None;
         }
         let Growth { largest, exchange, .. } = self.growth;
@@ -223,7 +213,7 @@ impl EnergyGuard {
     /// Returns the entry of report.json.
     fn account(&self) -> Value {
         json!({
-            "action": self.rule.action, "bound": self.rule.bound, "growth": self.growth.largest,
+            "action": self.watching.rule.action, "bound": self.watching.rule.bound, "growth": self.growth.largest,
             "exchange": self.growth.exchange, "relative_growth": self.relative(),
             "resolution": self.resolution, "exceeded": self.warning().is_some(), "events": self.events,
         })

@@ -12,7 +12,7 @@ impl Run {
     /// Keeps the current state, if the guard may go back to one.
     pub(super) fn keep_good(&mut self) -> Result<(), RunError> {
         let can_go_back =
-            matches!(self.observers.guard.rule.action, GuardAction::Halve | GuardAction::Switch);
+            matches!(self.observers.guard.rule().action, GuardAction::Halve | GuardAction::Switch);
         if can_go_back && (self.good.is_none() || self.observers.guard.keeps(self.simulation.steps())) {
             // Two states of a large mesh take much memory.
             self.good = None;
@@ -36,7 +36,7 @@ impl Run {
         let (step, t) = (self.simulation.steps(), self.simulation.time());
         let end = |run: &Self, after| {
             let Growth { now, exchange, .. } = run.observers.guard.growth;
-            let (relative, bound) = (now / exchange, run.observers.guard.rule.bound);
+            let (relative, bound) = (now / exchange, run.observers.guard.rule().bound);
             Err(RunError::Guard { step, t, joules: now, relative, bound, after })
         };
         let Some(good) = self.good.take() else {
@@ -53,7 +53,7 @@ impl Run {
         self.simulation
             .go_back(&good.simulation)
             .map_err(|error| CheckpointError::Unfit(error.to_string()))?;
-        let wants_switch = self.observers.guard.rule.action == GuardAction::Switch && !was_switched;
+        let wants_switch = self.observers.guard.rule().action == GuardAction::Switch && !was_switched;
         let action = match wants_switch.then(|| self.simulation.switch()) {
             Some(Ok(())) => format!("from t = {from:e} s on by energy-momentum"),
             refused => {

@@ -321,7 +321,7 @@ impl Run {
                 return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };
             }
             self.observers.see_energies(&seen)?;
-            if self.observers.guard.rule.acts() && self.observers.guard.is_exceeded(step) {
+            if self.observers.guard.rule().acts() && self.observers.guard.is_exceeded(step) {
                 return self.answer();
             }
             if row_is_due {
