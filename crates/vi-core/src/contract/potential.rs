@@ -213,6 +213,19 @@ pub trait Potential: Send + Sync {
         false
     }
 
+    /// For terms with forces over a step: writes symmetric approximations of ∂G_s/∂x_m for a fixed x₀, N/m, packed as in
+    /// [`Potential::hessians`]; positive semidefinite ones if `is_projected`. Returns false, and writes nothing, if the Hessians at x_m
+    /// are as good.
+    fn hessians_over_step(
+        &self,
+        _range: Range<usize>,
+        _ends: [&[f64]; 2],
+        _is_projected: bool,
+        _out: &mut [f64],
+    ) -> bool {
+        false
+    }
+
     /// Returns a discrete gradient of this term, if it has one. Implicit midpoint, energy–momentum and the explicit
     /// schemes use it in place of the gradient for live terms.
     fn discrete_gradient(&self) -> Option<&dyn DiscreteGradient> {

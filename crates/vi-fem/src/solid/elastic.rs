@@ -410,6 +410,20 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
         !is_exact
     }
 
+    fn hessians_over_step(
+        &self,
+        range: Range<usize>,
+        ends: [&[f64]; 2],
+        is_projected: bool,
+        out: &mut [f64],
+    ) -> bool {
+        let is_exact = self.law.is_linear();
+        if !is_exact {
+            self.tangents_over_step(range, ends, is_projected, out);
+        }
+        !is_exact
+    }
+
     fn portion(&self, range: Range<usize>) -> Option<Arc<dyn Potential>> {
         let (law, weight, name) = (Arc::clone(&self.law), self.weight, self.name.clone());
         let elements = self.elements[range.clone()].to_vec();

@@ -6,7 +6,7 @@ use vi_core::Terms;
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::{AssemblyWork, FixedSum};
 use crate::assemble::gather::Gather;
-use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::hessian::{HessianEvaluation, Place};
 use crate::assemble::live::LiveSum;
 use crate::assemble::spans::Span;
 use crate::error::{SolverError, TermFault};
@@ -134,21 +134,20 @@ impl Assembler {
         t: f64,
         kind: HessianEvaluation,
     ) -> Result<&SymmetricMatrix, SolverError> {
-        self.hessian_over(x, t, kind, None)
+        self.hessian_over(Place { x, t, ends: None }, kind, None)
     }
 
-    /// Returns [`Assembler::hessian`] with the tangents of discrete gradients, for a step between two `ends` with its
-    /// stage at x.
+    /// Returns [`Assembler::hessian`] with the tangents of forces over a step, and of discrete gradients for a step between two
+    /// `ends` with its stage at that place.
     pub(crate) fn hessian_over(
         &mut self,
-        x: &[f64],
-        t: f64,
+        at: Place<'_>,
         kind: HessianEvaluation,
         ends: Option<[&[f64]; 2]>,
     ) -> Result<&SymmetricMatrix, SolverError> {
-        let fixed = self.fixed.hessian(x, t, kind);
+        let fixed = self.fixed.hessian_at(at, kind);
         match &mut self.live {
-            Some(live) => live.hessian(fixed, x, t, kind, ends),
+            Some(live) => live.hessian(fixed, at.x, at.t, kind, ends),
             None => Ok(fixed),
         }
     }

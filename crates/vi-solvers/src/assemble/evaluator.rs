@@ -12,7 +12,7 @@ use crate::assemble::assembler::Assembler;
 use crate::assemble::finite::check_state;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::gather::Gather;
-use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::hessian::{HessianEvaluation, Place};
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
@@ -39,6 +39,8 @@ pub(crate) struct Evaluator {
     nonconservative: Option<Nonconservative>,
     /// Positions of all coordinates at the ends of the step, between which discrete gradients act.
     ends: Option<[Vec<f64>; 2]>,
+    /// Positions of all coordinates at the ends of the step, if terms act by [forces over it](vi_core::Potential::corrections_over_step).
+    step: Option<[Vec<f64>; 2]>,
     /// The forces of live terms pair by pair, and whether evaluations list them.
     pairs: Option<Pairs>,
     lists_pairs: bool,
@@ -104,6 +106,7 @@ impl Evaluator {
             depends: TimeDependence::of(system),
             nonconservative: None,
             ends: None,
+            step: None,
             pairs: None,
             lists_pairs: false,
             middle: None,
@@ -118,6 +121,19 @@ impl Evaluator {
             let x_end = self.middle.take().map_or_else(Vec::new, |middle| middle.x_end);
             self.middle = Some(Middle { t, ends, x_end });
         }
+    }
+
+    /// Sets the ends of the step for the tangents of forces over it; `None` for those of ∂V/∂x.
+    pub(crate) fn set_step(&mut self, ends: Option<[&[f64]; 2]>) {
+        match (ends, &mut self.step) {
+            (Some(ends), Some(step)) => step.iter_mut().zip(ends).for_each(|(x, end)| x.copy_from_slice(end)),
+            (ends, step) => *step = ends.map(|ends| ends.map(<[f64]>::to_vec)),
+        }
+    }
+
+    /// Returns what [`Evaluator::set_step`] set.
+    pub(crate) fn step(&self) -> Option<[&[f64]; 2]> {
+        self.step.as_ref().map(|[start, end]| [&start[..], &end[..]])
     }
 
     /// See [`Assembler::limits_steps`].
@@ -173,6 +189,19 @@ impl Evaluator {
     /// by account: (force, damping), J.
     pub(crate) fn nonconservative_work(&self, dx: &[f64]) -> (f64, f64) {
         self.nonconservative.as_ref().map_or((0.0, 0.0), |forces| forces.sum.work(dx))
+    }
+
+    /// Writes the forces without a potential at the last evaluation by account, force and damping, N; nothing without such forces.
+    pub(crate) fn nonconservative(&self, out: &mut [Vec<f64>; 2]) {
+        let Some(forces) = &self.nonconservative else { return };
+        let [force, damping] = out;
+        force.clear();
+        damping.clear();
+        for dof in 0..forces.x_dot.len() {
+            let (of_force, of_damping) = forces.sum.by_account(dof);
+            force.push(of_force);
+            damping.push(of_damping);
+        }
     }
 
     /// Returns whether friction is [lagged](Evaluator::lag_friction) or forces are [held](Evaluator::hold_forces).
@@ -365,7 +394,8 @@ impl Evaluator {
         self.work.hessians += 1;
         self.work.projections += u64::from(kind == HessianEvaluation::Projected);
         let ends = self.ends.as_ref().map(|[start, end]| [&start[..], &end[..]]);
-        let k = self.assembler.hessian_over(&self.x, self.t, kind, ends)?;
+        let step = self.step.as_ref().map(|[start, end]| [&start[..], &end[..]]);
+        let k = self.assembler.hessian_over(Place { x: &self.x, t: self.t, ends: step }, kind, ends)?;
         let Some(Nonconservative { sum, x_dot, rate, tangent, held }) = &mut self.nonconservative else {
             return Ok(k);
         };

@@ -8,7 +8,7 @@ use vi_core::{Fault, Potential, SharedTerms, Terms};
 
 use crate::assemble::energy::{Energies, EnergySum, energies_of_spans};
 use crate::assemble::gather::{Gather, node_tensors};
-use crate::assemble::hessian::{HessianEvaluation, HessianSum};
+use crate::assemble::hessian::{HessianEvaluation, HessianSum, Place};
 use crate::assemble::spans::{Span, common_block, spans};
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix::SymmetricMatrix;
@@ -151,11 +151,16 @@ impl FixedSum {
 
     /// Returns ∂²V/∂q² on the free coordinates, N/m. Evaluates only what has changed.
     pub(crate) fn hessian(&mut self, x: &[f64], t: f64, kind: HessianEvaluation) -> &SymmetricMatrix {
+        self.hessian_at(Place { x, t, ends: None }, kind)
+    }
+
+    /// Returns [`FixedSum::hessian`], with the tangents of forces over a step if there are ends.
+    pub(crate) fn hessian_at(&mut self, at: Place<'_>, kind: HessianEvaluation) -> &SymmetricMatrix {
         let Self { terms, block, hessian, work, .. } = self;
         let hessian = hessian.get_or_insert_with(|| HessianSum::new(terms, *block));
         work.hessian_skipped_stencils = hessian.skipped_stencils() as u64;
-        let located = terms.at(x);
-        if hessian.evaluate(located.as_ref().unwrap_or(terms), x, t, kind) {
+        let located = terms.at(at.x);
+        if hessian.evaluate(located.as_ref().unwrap_or(terms), at, kind) {
             work.hessians += 1;
         }
         hessian.matrix()

@@ -30,6 +30,16 @@ pub enum HessianEvaluation {
     Projected,
 }
 
+/// Where to evaluate.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Place<'a> {
+    /// Positions of all coordinates, m, and the time, s.
+    pub(crate) x: &'a [f64],
+    pub(crate) t: f64,
+    /// The ends of the step with x in its middle, if terms act by [forces over a step](vi_core::Potential::corrections_over_step).
+    pub(crate) ends: Option<[&'a [f64]; 2]>,
+}
+
 /// Number of stencils whose packed blocks are evaluated together.
 const BATCH: usize = 16;
 
@@ -211,15 +221,15 @@ impl HessianSum {
     }
 
     /// Evaluates what has changed; returns whether anything had to be evaluated.
-    pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64, kind: HessianEvaluation) -> bool {
+    pub(crate) fn evaluate(&mut self, terms: &Terms, at: Place<'_>, kind: HessianEvaluation) -> bool {
         let skip_constants = self.constants == Some(kind);
         if skip_constants && self.chunks.iter().all(|chunk| chunk.constant) {
             return false;
         }
         match self.matrix.pattern.block {
-            3 => self.evaluate_blocks::<3>(terms, x, t, kind, skip_constants),
-            2 => self.evaluate_blocks::<2>(terms, x, t, kind, skip_constants),
-            _ => self.evaluate_blocks::<1>(terms, x, t, kind, skip_constants),
+            3 => self.evaluate_blocks::<3>(terms, at, kind, skip_constants),
+            2 => self.evaluate_blocks::<2>(terms, at, kind, skip_constants),
+            _ => self.evaluate_blocks::<1>(terms, at, kind, skip_constants),
         }
         self.constants = Some(kind);
         if let Some(tied) = &mut self.tied {
@@ -231,14 +241,13 @@ impl HessianSum {
     fn evaluate_blocks<const B: usize>(
         &mut self,
         terms: &Terms,
-        x: &[f64],
-        t: f64,
+        at: Place<'_>,
         kind: HessianEvaluation,
         skip_constants: bool,
     ) {
         let parallel = self.stencil_count >= PARALLEL_STENCILS;
         let (owned, shared) = self.matrix.values.split_at_mut(self.shared_place * B * B);
-        let sums = ChunkSums { codes: &self.codes, terms, x, t, kind, skip_constants };
+        let sums = ChunkSums { codes: &self.codes, terms, at, kind, skip_constants };
         sums.chunks::<B>(&self.chunks, owned, &mut self.partial, parallel);
 
         let (start, slots) = (&self.shared_start, &self.shared_slots);
@@ -294,8 +303,7 @@ pub(crate) fn varying_spans(terms: &Terms, mobility: &[Mobility]) -> (Vec<Span>,
 struct ChunkSums<'a> {
     codes: &'a [u32],
     terms: &'a Terms,
-    x: &'a [f64],
-    t: f64,
+    at: Place<'a>,
     kind: HessianEvaluation,
     skip_constants: bool,
 }
@@ -351,11 +359,15 @@ impl ChunkSums<'_> {
                 let (here, rest) = codes.split_at(batch.len() * pairs);
                 codes = rest;
                 let blocks = &mut blocks[..batch.len() * packed];
+                let Place { x, t, ends } = self.at;
+                let is_projected = self.kind == HessianEvaluation::Projected;
+                let is_of_step = ends.is_some_and(|ends| {
+                    potential.hessians_over_step(batch.clone(), ends, is_projected, blocks)
+                });
                 match self.kind {
-                    HessianEvaluation::Exact => potential.hessians(batch, self.x, self.t, blocks),
-                    HessianEvaluation::Projected => {
-                        potential.projected_hessians(batch, self.x, self.t, blocks);
-                    }
+                    _ if is_of_step => {}
+                    HessianEvaluation::Exact => potential.hessians(batch, x, t, blocks),
+                    HessianEvaluation::Projected => potential.projected_hessians(batch, x, t, blocks),
                 }
                 for (codes, block) in here.chunks_exact(pairs).zip(blocks.chunks_exact(packed)) {
                     add_stencil::<B>(rows, arity, codes, block);

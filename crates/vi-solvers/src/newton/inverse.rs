@@ -46,7 +46,13 @@ struct Origin {
     /// The stencils of live terms, and the ends of the step.
     live: Option<LiveState>,
     ends: Option<[Vec<f64>; 2]>,
+    /// The ends of the step, if terms act by forces over it.
+    step: Option<[Vec<f64>; 2]>,
 }
+
+/// Names of the stored ends of a step, for live terms and for forces over a step.
+const ENDS: [&str; 2] = ["factor.start", "factor.end"];
+const STEP: [&str; 2] = ["factor.step_start", "factor.step_end"];
 
 /// A mass M that is not lumped, and M + cK once K is known.
 struct Summed {
@@ -175,7 +181,8 @@ impl Inverse {
             rotated.set_origin(evaluator.assembler(), &x);
         }
         let (live, ends) = (evaluator.live_state(), evaluator.ends().cloned());
-        self.origin = Some(Origin { c, x, t, projected, rates, live, ends });
+        let step = evaluator.step().map(|ends| ends.map(<[f64]>::to_vec));
+        self.origin = Some(Origin { c, x, t, projected, rates, live, ends, step });
         Ok(())
     }
 
@@ -281,9 +288,11 @@ impl Inverse {
             if let Some(live) = &origin.live {
                 live.save("factor.live", memory);
             }
-            if let Some([start, end]) = &origin.ends {
-                memory.arrays.push(("factor.start".into(), start.clone()));
-                memory.arrays.push(("factor.end".into(), end.clone()));
+            for ([of_start, of_end], ends) in [(ENDS, &origin.ends), (STEP, &origin.step)] {
+                if let Some([start, end]) = ends {
+                    memory.arrays.push((of_start.into(), start.clone()));
+                    memory.arrays.push((of_end.into(), end.clone()));
+                }
             }
         }
         if self.linear.is_chosen() {
@@ -325,21 +334,22 @@ impl Inverse {
             _ => None,
         };
         let live = LiveState::restore("factor.live", memory, x.len());
-        let ends = match (memory.array("factor.start"), memory.array("factor.end")) {
-            (Ok(start), Ok(end)) if start.len() == x.len() && end.len() == x.len() => {
+        let [ends, step] = [ENDS, STEP].map(|names| match names.map(|name| memory.array(name)) {
+            [Ok(start), Ok(end)] if start.len() == x.len() && end.len() == x.len() => {
                 Some([start.to_vec(), end.to_vec()])
             }
             _ => None,
-        };
+        });
         self.linear.restore(memory)?;
         evaluator.go_to_live(&live, &ends);
+        evaluator.set_step(step.as_ref().map(|[start, end]| [&start[..], &end[..]]));
         evaluator.go_to_positions(x, t);
         evaluator.go_to_velocities(&rates);
         self.factorize(system, evaluator, c, kind, Reason::New)?;
         if let Some(rotated) = &mut self.rotated {
             rotated.set_origin(evaluator.assembler(), x);
         }
-        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates, live, ends });
+        self.origin = Some(Origin { c, x: x.to_vec(), t, projected, rates, live, ends, step });
         Ok(())
     }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use vi_core::{Exchange, Portion, Potential, SharedSolve, SolverFacts, System, coordinates_of_nodes};
 
-use crate::assemble::hessian::{HessianEvaluation, HessianSum, rows, varying_spans};
+use crate::assemble::hessian::{HessianEvaluation, HessianSum, Place, rows, varying_spans};
 use crate::assemble::spans::{common_block, mobilities};
 use crate::error::SolverError;
 use crate::index::NONE;
@@ -184,12 +184,12 @@ impl Rows {
         self.system.coordinates().coordinates_of(x, &mut positions);
         let solver = match &mut self.solver {
             Some(solver) => {
-                solver.hessian.evaluate(terms, x, t, kind);
+                solver.hessian.evaluate(terms, Place { x, t, ends: None }, kind);
                 solver
             }
             unmade => {
                 let mut hessian = HessianSum::new(terms, self.block);
-                hessian.evaluate(terms, x, t, kind);
+                hessian.evaluate(terms, Place { x, t, ends: None }, kind);
                 let pattern = &hessian.matrix().pattern;
                 let (exchange, free) = (Arc::clone(&self.exchange), self.free.clone());
                 let share = Share::new(pattern, exchange, &self.numbers, self.row_count, free);

@@ -164,6 +164,10 @@ impl Rule for EnergyMomentum {
         Ok(())
     }
 
+    fn step(&self) -> Option<[&[f64]; 2]> {
+        self.corrections.as_ref().map(|_| [&self.x_start[..], &self.x_end])
+    }
+
     fn correction_noise(&self) -> f64 {
         self.correction_noise
     }

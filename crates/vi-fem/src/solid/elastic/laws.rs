@@ -456,3 +456,47 @@ fn forces_over_a_step_have_order_two() {
         assert!((1.8..2.2).contains(&order), "{}: {order}", law.name());
     }
 }
+
+/// The tangent of the forces over a step that moves nothing is the Hessian. Over a step that turns a body at rest, rotations about the mean
+/// positions have no moment.
+#[test]
+fn tangents_over_a_step_do_not_see_rotations() {
+    let (sin, cos) = 0.8_f64.sin_cos();
+    let turn = [[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]];
+    for &kind in SOLIDS {
+        let mesh = distorted(kind);
+        for law in Law::examples().iter().filter(|law| law.name() != "linear") {
+            let potential = potential(&mesh, law);
+            let stencils = potential.stencils();
+            let (count, size) = (stencils.count(), stencils.size());
+            let [mut over, mut plain] = [(); 2].map(|()| vec![0.0; count * packed_len(size)]);
+            let x = flat(&mesh, |point| apply(&STRETCH, point));
+            assert!(potential.hessians_over_step(0..count, [&x, &x], false, &mut over));
+            potential.hessians(0..count, &x, 0.0, &mut plain);
+            let scale = size_of(&plain);
+            let off = over.iter().zip(&plain).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+            assert!(off <= 1e-12 * scale, "{kind} {}: {off:e} of {scale:e}", law.name());
+
+            let rest = flat(&mesh, |point| point);
+            let turned: Vec<f64> =
+                rest.chunks_exact(3).flat_map(|x| apply(&turn, [x[0], x[1], x[2]])).collect();
+            for is_projected in [false, true] {
+                potential.hessians_over_step(0..count, [&rest, &turned], is_projected, &mut over);
+                for (stencil, block) in over.chunks_exact(packed_len(size)).enumerate() {
+                    let nodes = stencils.of(stencil);
+                    // The rotation about the third axis.
+                    let along = |local: usize| {
+                        let first = 3 * nodes[local / 3] as usize;
+                        let middle = |k: usize| 0.5 * (rest[first + k] + turned[first + k]);
+                        [-middle(1), middle(0), 0.0][local % 3]
+                    };
+                    for row in 0..size {
+                        let entry = |column: usize| block[packed_len(row.max(column)) + row.min(column)];
+                        let moment: f64 = (0..size).map(|column| entry(column) * along(column)).sum();
+                        assert!(moment.abs() <= 1e-11 * scale, "{kind} {}: {moment:e}", law.name());
+                    }
+                }
+            }
+        }
+    }
+}

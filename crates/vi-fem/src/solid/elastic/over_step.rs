@@ -10,6 +10,8 @@
 //! Laws are functions of F. S is U⁻¹P(U) with the Cholesky factor UᵀU = C_m, or −U if the elements are inverted, as Ψ does not depend on
 //! the rotation of F. Only the difference of P from P(F_m) is integrated.
 
+mod tangent;
+
 use std::cell::RefCell;
 use std::ops::Range;
 
@@ -29,9 +31,7 @@ const NOISE: f64 = 16.0;
 impl<E: Element<N, Q>, const N: usize, const Q: usize> ElasticPotential<E, N, Q> {
     pub(super) fn corrections_over_step(&self, range: Range<usize>, x: [&[f64]; 2], out: &mut [f64]) {
         let arch = self.solids.arch();
-        SCRATCH.with_borrow_mut(|Scratch { tensors, energies }| {
-            tensors.resize(3 * POINTS, [Pack::default(); 9]);
-            energies.resize(2 * POINTS, Pack::default());
+        with_scratch(|Scratch { tensors, energies }| {
             self.in_passes(&range, self.at(x[0]), |groups, points| {
                 let [ends, middles, factors] = parts_of(tensors, points.len());
                 let [before, after] = parts_of(energies, points.len());
@@ -57,6 +57,14 @@ struct Scratch {
 
 thread_local! {
     static SCRATCH: RefCell<Scratch> = const { RefCell::new(Scratch { tensors: Vec::new(), energies: Vec::new() }) };
+}
+
+fn with_scratch(work: impl FnOnce(&mut Scratch)) {
+    SCRATCH.with_borrow_mut(|scratch| {
+        scratch.tensors.resize(3 * POINTS, [Pack::default(); 9]);
+        scratch.energies.resize(2 * POINTS, Pack::default());
+        work(scratch);
+    });
 }
 
 /// Returns the first `count` entries of each of N runs of [`POINTS`].
@@ -147,17 +155,35 @@ impl<R: Real> Mean<R> {
         Self { deformation, metric, change, factor: mat3!(i j => sign * u[i][j]), inverses }
     }
 
-    /// Returns P, Pa, from P(±U) and the energies at both ends, J/m³.
+    /// Returns T U⁻¹ of a matrix T.
     #[inline(always)]
-    fn stress(&self, of_factor: &Mat3<R>, start: R, end: R) -> Mat3<R> {
-        let Self { deformation, metric, change, factor, inverses: [i0, i1, i2] } = self;
-        let half = start.constant(0.5);
-        // U⁻¹P by rows, from the last one on.
+    fn by_factor(&self, matrix: &Mat3<R>) -> Mat3<R> {
+        let Self { factor, inverses: [i0, i1, i2], .. } = self;
+        let first = vec3!(i => matrix[i][0] * *i0);
+        let second = vec3!(i => (matrix[i][1] - first[i] * factor[0][1]) * *i1);
+        let third = vec3!(i => (matrix[i][2] - first[i] * factor[0][2] - second[i] * factor[1][2]) * *i2);
+        let columns = [first, second, third];
+        mat3!(i j => columns[j][i])
+    }
+
+    /// Returns S = U⁻¹P(U), Pa.
+    #[inline(always)]
+    fn second_stress(&self, of_factor: &Mat3<R>) -> Mat3<R> {
+        let Self { factor, inverses: [i0, i1, i2], .. } = self;
+        // By rows, from the last one on.
         let last = vec3!(j => of_factor[2][j] * *i2);
         let middle = vec3!(j => (of_factor[1][j] - factor[1][2] * last[j]) * *i1);
         let first = vec3!(j => (of_factor[0][j] - factor[0][1] * middle[j] - factor[0][2] * last[j]) * *i0);
         let rows = [first, middle, last];
-        let s = mat3!(i j => half * (rows[i][j] + rows[j][i]));
+        let half = i0.constant(0.5);
+        mat3!(i j => half * (rows[i][j] + rows[j][i]))
+    }
+
+    /// Returns P, Pa, from P(±U) and the energies at both ends, J/m³.
+    #[inline(always)]
+    fn stress(&self, of_factor: &Mat3<R>, start: R, end: R) -> Mat3<R> {
+        let Self { deformation, metric, change, .. } = self;
+        let s = self.second_stress(of_factor);
         let defect = (end - start) * 2.0 - contract(&s, change);
         let size = start.abs() + end.abs() + (contract(&s, &s) * contract(metric, metric)).sqrt();
         let alpha = defect / contract(change, change);

@@ -20,6 +20,11 @@ pub(crate) trait Rule: Send + Sync {
     fn works_on_mean_velocity(&self) -> bool {
         false
     }
+    /// Returns whether the ledger books the works of forces in the middle of a step, because those at the stage would have a lower order than
+    /// the scheme.
+    fn books_in_middle(&self) -> bool {
+        false
+    }
     /// Returns the time of the stage in units of h from the start.
     fn time(&self) -> f64;
     /// Returns whether the stage is the end of the step.
@@ -65,6 +70,10 @@ pub(crate) trait Rule: Send + Sync {
     }
     /// Writes the addition to ∂V/∂q at the stage.
     fn correction(&mut self, _trial: &Trial<'_>, _out: &mut [f64]) {}
+    /// Returns the positions of all coordinates at the ends of the step of the last correction, m, if terms act by forces over the step.
+    fn step(&self) -> Option<[&[f64]; 2]> {
+        None
+    }
     /// Returns the number of linear solves after which the solve of a step ends, whether it has converged or not; `None` to
     /// solve to the tolerance.
     fn solves(&self) -> Option<u32> {

@@ -149,12 +149,14 @@ impl Stage {
         self.has_discrete = evaluator.has_discrete();
         outcome?;
         if self.is_simple {
+            evaluator.set_step(None);
             self.added.fill(0.0);
         } else if rule.has_correction() {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
             rule.correction(&Trial { system, evaluator, start_q, start_t, h, offset, w }, added);
             evaluator.work.energies += 1;
+            evaluator.set_step(rule.step());
         }
         let Self { multipliers, added, q, origin, offset, w, t, end_per_stage, .. } = self;
         if let Some(multipliers) = multipliers {
