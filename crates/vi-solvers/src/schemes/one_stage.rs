@@ -7,6 +7,7 @@
 //! c V(x(û + w, t_s)).
 
 mod end_damping;
+mod middle;
 mod pairs;
 pub(crate) mod rule;
 mod stage;
@@ -31,6 +32,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::constraint::manifold::ConstraintManifold;
 use crate::schemes::one_stage::end_damping::EndDampers;
+use crate::schemes::one_stage::middle::LastForces;
 use crate::schemes::one_stage::rule::Rule;
 use crate::schemes::one_stage::stage::{Stage, StageEquations};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -60,6 +62,8 @@ pub(crate) struct OneStage<R> {
     inverse: Inverse,
     newton: Newton,
     potential_energies: PotentialEnergies,
+    /// The forces of the last step, if the ledger books those in the middle of steps.
+    last_forces: Option<LastForces>,
     ledger: bool,
     stage: Stage,
     after: State,
@@ -82,6 +86,7 @@ impl<R: Rule> OneStage<R> {
             inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potential_energies: PotentialEnergies::new(),
+            last_forces: (options.ledger && rule.books_in_middle()).then(LastForces::default),
             ledger: options.ledger,
             stage: Stage::new(system, &rule),
             manifold: if rule.damps_end() { ConstraintManifold::new(system) } else { None },
@@ -287,7 +292,19 @@ impl<R: Rule> OneStage<R> {
     /// accounted separately. For schemes that do not balance energy by the work on the mean velocity, the energy of
     /// the scheme also contains Δp·v̄ + (g − R/c)·Δq.
     fn account(&mut self, system: &System, before: &State) -> Result<StepEnergy, SolverError> {
-        let Self { rule, evaluator, inertia, stage, after, potential_energies, x_start, dx, dv, .. } = self;
+        let Self {
+            rule,
+            evaluator,
+            inertia,
+            stage,
+            after,
+            potential_energies,
+            last_forces,
+            x_start,
+            dx,
+            dv,
+            ..
+        } = self;
         stage.evaluate(system, rule, evaluator)?;
         let (mass, free) = (system.free_mass(), system.coordinates().free());
         let coordinates = system.coordinates();
@@ -303,6 +320,11 @@ impl<R: Rule> OneStage<R> {
         let inertial = inertia.momentum(system, w, scratch);
         let along = |k: usize| step[free[k] as usize];
         let mut prescribed = accounts::prescribed_work(system, gradient, step) + rule.prescribed_work();
+        let (mut force, mut damping) = evaluator.nonconservative_work(step);
+        if let Some(last) = last_forces {
+            let (times, works) = ([before.t, after.t], [prescribed, force, damping]);
+            [prescribed, force, damping] = last.book(system, evaluator, times, step, works);
+        }
         if let Some(multipliers) = multipliers {
             prescribed += multipliers.prescribed_work(step);
         }
@@ -319,7 +341,6 @@ impl<R: Rule> OneStage<R> {
             }),
         };
         let inertial = vectors::sum(w.len(), |k| inertial.at(k) / c * along(k));
-        let (force, damping) = evaluator.nonconservative_work(step);
         let (change, loads) = potential_energies.close(system, evaluator, &after.q, after.t);
         let mut scheme = change - loads - elastic - prescribed - force - damping;
         if !self.rule.works_on_mean_velocity() || multipliers.is_some() {
@@ -411,6 +432,9 @@ impl<R: Rule> Stepper for OneStage<R> {
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
         self.evaluator.save(&mut memory);
         self.potential_energies.save(&mut memory);
+        if let Some(last) = &self.last_forces {
+            last.save(&mut memory);
+        }
         if let Some(multipliers) = &self.stage.multipliers {
             memory.arrays.push(("stage.multipliers".into(), multipliers.multipliers().to_vec()));
         }
@@ -436,6 +460,9 @@ impl<R: Rule> Stepper for OneStage<R> {
         }
         self.evaluator = evaluator_of(&self.rule, system);
         self.potential_energies = PotentialEnergies::restore(memory);
+        if let Some(last) = &mut self.last_forces {
+            last.restore(system, memory)?;
+        }
         self.newton.restore(memory)?;
         self.rule.restore(memory)?;
         self.inertia.restore(memory)?;

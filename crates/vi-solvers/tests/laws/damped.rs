@@ -1,8 +1,9 @@
 //! Tests forces without a potential: order, ledger, refusals.
 
+use crate::bodies::moving_chain;
 use crate::forces::Linear;
 use vi_core::problems::{Oscillator, Pendulum};
-use vi_core::{State, StepEnergy};
+use vi_core::{State, StepEnergy, System};
 use vi_solvers::{Method, SolverError, SolverOptions, stepper};
 
 /// Returns the exact position and velocity at t of the unit oscillator with damping c from (1, 0).
@@ -46,6 +47,43 @@ fn orders_are_kept_and_the_ledger_closes() {
         };
         let observed = (error(100) / error(200)).log2();
         assert!((observed - order).abs() < 0.1, "{}: {observed}", method.name());
+    }
+}
+
+/// The division of the balance has the order of the scheme: the work of damping and of prescribed motion converges with order 2, also if
+/// the stage is not in the middle of the step.
+#[test]
+fn works_have_the_order_of_the_scheme() {
+    let methods = [
+        Method::ImplicitMidpoint,
+        Method::EnergyMomentum,
+        Method::Bdf2,
+        Method::Newmark { beta: 0.25, gamma: 0.5 },
+        Method::GeneralizedAlpha { spectral_radius: 0.6 },
+    ];
+    let options = SolverOptions { ledger: true, tolerance: 1e-14, ..Default::default() };
+    for method in methods {
+        let works = |system: &System, state: &State, steps: usize| {
+            let (mut stepper, mut state) = (stepper(&method, system, &options).unwrap(), state.clone());
+            let mut sum = StepEnergy::default();
+            for _ in 0..steps {
+                sum += stepper.step(system, &mut state, 3.0 / steps as f64).unwrap().energy;
+            }
+            sum
+        };
+        let oscillator = Oscillator::with_frequency(1.0);
+        let system = oscillator.system().unwrap().with_forces(vec![Linear::shared(0.0, 0.0, 0.3)]).unwrap();
+        let state = State { t: 0.0, q: vec![1.0], p: vec![0.0] };
+        let (x, v) = exact(0.3, 3.0);
+        let dissipated = 0.5 * (x * x + v * v - 1.0);
+        let error = |steps| (works(&system, &state, steps).damping - dissipated).abs();
+        let observed = (error(200) / error(400)).log2();
+        assert!((observed - 2.0).abs() < 0.2, "damping by {}: {observed}", method.name());
+
+        let (system, state) = moving_chain(4);
+        let [coarse, middle, fine] = [600, 1200, 2400].map(|steps| works(&system, &state, steps).prescribed);
+        let observed = ((coarse - middle) / (middle - fine)).abs().log2();
+        assert!((observed - 2.0).abs() < 0.3, "prescribed motion by {}: {observed}", method.name());
     }
 }
 

@@ -33,6 +33,9 @@ impl Rule for Bdf2 {
     fn coefficient(&self, h: f64) -> f64 {
         if self.is_first() { Midpoint::new().coefficient(h) } else { 4.0 / 9.0 * h * h }
     }
+    fn books_in_middle(&self) -> bool {
+        true
+    }
     fn time(&self) -> f64 {
         if self.is_first() { Midpoint::new().time() } else { 1.0 }
     }

@@ -47,6 +47,9 @@ impl Rule for GeneralizedAlpha {
     fn coefficient(&self, h: f64) -> f64 {
         (1.0 - self.alpha_f) / (1.0 - self.alpha_m) * self.beta * h * h
     }
+    fn books_in_middle(&self) -> bool {
+        true
+    }
     fn time(&self) -> f64 {
         1.0 - self.alpha_f
     }

@@ -41,6 +41,9 @@ impl Rule for Newmark {
     fn coefficient(&self, h: f64) -> f64 {
         self.beta * h * h
     }
+    fn books_in_middle(&self) -> bool {
+        true
+    }
     fn time(&self) -> f64 {
         1.0
     }
