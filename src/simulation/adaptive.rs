@@ -8,15 +8,17 @@
 //! L93; E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical Integration*, 2006, VIII.3.2). A rule that looks at the
 //! start of the interval alone is not symmetric, and its energy drifts. Elastic bodies vibrate many times per change of Q. Rigid bodies
 //! do not, and may turn fast for a small part of an interval: for them, states at the same distances from both ends are asked too,
-//! and n ≥ H · max Q. If a step has to be cut nevertheless, the interval is made again with twice as many. The integrating controller of E. Hairer and G.
-//! Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled once per interval it accumulates what fast
-//! oscillations contribute to it.
+//! and n ≥ H · max Q. If a step has to be cut nevertheless, the interval is made again with twice as many.
+//!
+//! The integrating controller of E. Hairer and G. Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled once per interval
+//! it accumulates what fast oscillations contribute to it.
 
 use vi_core::{State, System};
 use vi_solvers::{Frequencies, Method, SolverError, StepError};
 
 use super::driven::Driven;
 use super::march::{Check, Course, Cut, Failure, March, march};
+use super::pace::Pace;
 use crate::record::record;
 use crate::scene::Time;
 
@@ -168,19 +170,24 @@ impl Adaptive {
         let driven = self.density_of_driven(asked, end - h, end);
         let mut number = level(h * at_start.max(driven));
         let has_bodies = !system.constraints().is_empty();
+        // Intervals of rigid bodies are made again instead of being divided.
+        let repeats_for_cuts = has_bodies && system.terms().live().is_empty();
         let repeats = if has_bodies { REPEATS_OF_BODIES } else { REPEATS };
         let mut tried: Vec<u64> = Vec::new();
         let mut counts = AdaptiveCounts::default();
         loop {
             tried.push(number);
             let made = number * u64::from(cut.parts);
-            counts.steps += made;
             let part = Cut { parts: 1, ..cut };
             let mut done = March::default();
             let stride = made.div_ceil(PLACES);
             let mut inside: f64 = 0.0;
             let outcome = (1..=made).try_for_each(|k| {
                 let to = if k == made { end } else { start + h * (k as f64 / made as f64) };
+                if repeats_for_cuts {
+                    // Begin undivided: parts that only follow from earlier steps are no reason to make the interval again.
+                    *pace = Pace::default();
+                }
                 let course = Course { stepper: &mut *stepper, system, state: &mut *state, pace: &mut *pace };
                 let check: Option<Check<'_>> = match &mut check {
                     Some(check) => Some(&mut **check),
@@ -203,13 +210,13 @@ impl Adaptive {
                 }
             };
             let mut wanted = level(h * inside.max(0.5 * (at_start + at_end)).max(driven));
-            if has_bodies && done.substeps > 0 && system.terms().live().is_empty() {
+            if repeats_for_cuts && done.substeps > 0 {
                 wanted = wanted.max(level(2.0 * number as f64));
             }
             let is_final = !self.is_symmetric || wanted == number || tried.len() > repeats;
             // Of two numbers that ask for each other, the larger one is taken from either end.
             if is_final || (tried.contains(&wanted) && wanted < number) {
-                (counts.fewest, counts.most) = (made, made);
+                (counts.steps, counts.fewest, counts.most) = (made, made, made);
                 // `Simulation::halve` divides each of the `number` equal steps, of which this is the longest part.
                 done.longest /= cut.parts;
                 return Ok((done, counts));

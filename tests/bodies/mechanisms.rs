@@ -55,6 +55,43 @@ fn adaptive_steps_follow_the_turns_of_a_mechanism() {
     }
 }
 
+/// A step that had to be cut makes its interval again with twice as many steps, and not again and again because the steps before it
+/// were cut.
+#[test]
+fn a_cut_step_does_not_multiply_the_steps_of_its_interval() {
+    let report = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 0.4
+step = "adaptive"
+tolerance = 0.1
+largest_step = 0.02
+scheme = "energy-momentum"
+[[body]]
+name = "sheet"
+sheet = { size = [0.6, 0.6], cells = [6, 6] }
+material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0.2, density = 400.0, thickness = 4e-4 }
+[[fix]]
+body = "sheet"
+region = "x-min"
+[[rigid]]
+name = "tip"
+mass = 0.05
+inertia = [1e-5, 1e-5, 1e-5]
+position = [0.6, 0.6, 0.0]
+[[attach]]
+body = "sheet"
+region = "x-max-y-max"
+to = "tip"
+"#,
+    )
+    .report();
+    let adaptive = &report["adaptive"];
+    assert!(adaptive["steps"].as_u64().unwrap() < 100, "{adaptive}");
+    assert_eq!(report["substeps"]["steps_cut"], 0, "{}", report["substeps"]);
+}
+
 /// `energy-momentum` keeps the energy of joined bodies to round-off, also if they turn by .2 rad in a step, with three to five
 /// iterations per step.
 #[test]
