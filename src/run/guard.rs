@@ -161,15 +161,12 @@ impl EnergyGuard {
     ///
     /// What a body that starts from rest has exchanged grows as t² at first, but the error of its energy, of h^p, is there after one
     /// step: relative to the exchange it is about 1/n^p after n steps of a scheme of order p. An unstable step multiplies the energy
-    /// by a factor each time, so it soon exceeds this too. Schemes of order 1 are not judged before 4/n is below the bound. A bound that
-    /// the scene states is kept as it is by others.
+    /// by a factor each time, so it soon exceeds this too. A bound that the scene states is kept as it is by schemes of higher order.
     fn allowed(&self, steps: u64) -> Option<f64> {
-        let error = 4.0 / (steps as f64).powi(self.order.max(1) as i32);
-        match self.order {
-            0 | 1 => (error <= self.watching.rule.bound).then_some(self.watching.rule.bound),
-            _ if self.watching.is_stated => (steps > 2).then_some(self.watching.rule.bound),
-            _ => (steps > 2).then_some(self.watching.rule.bound.max(error)),
-        }
+        let bound = self.watching.rule.bound;
+        let is_kept = self.watching.is_stated && self.order > 1;
+        let error = if is_kept { 0.0 } else { 4.0 / (steps as f64).powi(self.order.max(1) as i32) };
+        (steps > 2).then_some(bound.max(error))
     }
 
     /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good

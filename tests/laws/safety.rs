@@ -157,6 +157,59 @@ fn energy_from_nowhere_never_passes_in_silence() {
     }
 }
 
+/// A bound that the scene states is no laxer than the default: a scheme of order 1 is judged from the third step on, by 4/n after n steps
+/// until that is below the bound.
+#[test]
+fn a_stated_bound_is_no_laxer_than_the_default() {
+    for guard in ["[guard]\naction = \"stop\"", "[guard]\naction = \"stop\"\nbound = 0.01"] {
+        let run = ringing("symplectic-euler-a", "linear", guard);
+        assert_eq!(run.code(), Some(4), "{guard}: {}", run.errors());
+        let (first, last) = (run.history().first("total"), run.history().last("total"));
+        assert!(last < 10.0 * first, "{guard}: {first} {last}");
+    }
+}
+
+/// Linearised once per step, wind gives no more energy than it does to a converged step: it blows against a cloth at a speed that moves it
+/// by cells in a step.
+#[test]
+fn truncated_steps_are_stable_in_wind() {
+    let energies = |scheme: &str| {
+        let scene = r#"
+gravity = [0, 0, -9.81]
+[time]
+end = 0.3
+step = 0.01
+scheme = "SCHEME"
+[[body]]
+name = "cloth"
+sheet = { size = [0.6, 0.6], cells = [10, 10] }
+material = { law = "st-venant-kirchhoff", young = 1e6, poisson = 0.3, area_density = 0.2, thickness = 5e-4 }
+[[fix]]
+body = "cloth"
+region = "x-min"
+[[fix]]
+body = "cloth"
+region = "x-max"
+[wind]
+velocity = [0, 0, 6.0]
+[guard]
+action = "off"
+[output]
+history = 1
+"#;
+        let run = Program::run(&scene.replace("SCHEME", scheme));
+        assert_eq!(
+            run.report()["substeps"]["steps_cut"].as_u64().unwrap() * u64::from(scheme != "backward-euler"),
+            0
+        );
+        run.history().column("total")
+    };
+    let (truncated, converged) = (energies("truncated-euler"), energies("backward-euler"));
+    for (truncated, converged) in truncated.iter().zip(&converged) {
+        assert!((truncated - converged).abs() < 0.05, "{truncated} instead of {converged} J");
+    }
+}
+
 /// A cloth that falls onto a ball with explicit steps above their limit. Explicit steps with contact are not halved, so the run
 /// ends, and before a step at the velocities of a state that means nothing, which would make candidates of all pairs.
 #[test]

@@ -1,6 +1,7 @@
 //! Newton's method that ends after a fixed number of linear solves, whether it has converged or not. The model is factored
 //! once per step, with a projected Hessian, and the merit decreases with each correction. So the result is at least as
-//! good as the start, whatever the step, at a price that is known beforehand.
+//! good as the start, whatever the step, at a price that is known beforehand. Forces without a potential, as of wind, are linearised once
+//! per step, so that there is a merit.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
@@ -24,11 +25,23 @@ impl Newton {
             return self.solve(solve);
         }
         if solve.equations.has_merit() {
+            return self.truncated(solve, most);
+        }
+        // Forces without a potential are linearised where the body comes to by itself: there they do not amplify what was extrapolated.
+        self.begin(solve, Start::Inertial)?;
+        let is_simplified = solve.equations.simplify(solve.evaluator, true);
+        let solved = self.truncated(solve, most);
+        if is_simplified {
+            solve.equations.simplify(solve.evaluator, false);
+        }
+        solved
+    }
+
+    fn truncated<E: Equations>(&self, solve: &mut Solve<'_, E>, most: u32) -> Result<Solved, SolverError> {
+        if solve.equations.has_merit() {
             // What the unknowns were before is not part of the memory of a stepper.
             solve.start(Start::Predicted);
             best_start(solve)?;
-        } else {
-            self.begin(solve, self.renewal.start)?;
         }
         solve.linearize()?;
         solve.factorize_as(Reason::Newton, HessianEvaluation::Projected)?;
