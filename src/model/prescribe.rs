@@ -210,7 +210,8 @@ fn completed(held: &[([f64; 3], usize)]) -> [[f64; 3]; 3] {
 
 fn conflict(nodal: &NodalFix, node: u32, direction: &str, other: &NodalFix) -> Problem {
     let message = format!(
-        "prescribes node {node} along {direction} with another motion than fix[{}]; let each coordinate follow one",
+        "prescribes node {node} along {direction} with another motion than fix[{}]; let each coordinate follow one: hold different \
+         `axes`, or leave the node out of one of them",
         other.index
     );
     Problem::new(format!("fix[{}]", nodal.index), message)
