@@ -405,7 +405,7 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
         // The gradient of a quadratic energy in the middle of a step is exact, and small strains do not know rotations.
         let is_exact = self.law.is_linear();
         if !is_exact && !range.is_empty() {
-            Self::corrections_over_step(self, range, ends, out);
+            self.write_corrections(range, ends, out);
         }
         !is_exact
     }

@@ -10,6 +10,8 @@
 //! Laws are functions of F. S is U⁻¹P(U) with the Cholesky factor UᵀU = C_m, or −U if the elements are inverted, as Ψ does not depend on
 //! the rotation of F. Only the difference of P from P(F_m) is integrated.
 
+#[cfg(test)]
+mod laws;
 mod tangent;
 
 use std::cell::RefCell;
@@ -29,7 +31,8 @@ use crate::solid::material::batch::{PackedMat3, load_mat3, store_mat3};
 const NOISE: f64 = 16.0;
 
 impl<E: Element<N, Q>, const N: usize, const Q: usize> ElasticPotential<E, N, Q> {
-    pub(super) fn corrections_over_step(&self, range: Range<usize>, x: [&[f64]; 2], out: &mut [f64]) {
+    /// Writes the corrections from the forces at F_m to those over the step, N.
+    pub(super) fn write_corrections(&self, range: Range<usize>, x: [&[f64]; 2], out: &mut [f64]) {
         let arch = self.solids.arch();
         with_scratch(|Scratch { tensors, energies }| {
             self.in_passes(&range, self.at(x[0]), |groups, points| {
