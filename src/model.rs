@@ -6,6 +6,7 @@ mod body;
 mod component;
 mod contact;
 mod control;
+mod cuts;
 mod directions;
 mod extent;
 mod import;

@@ -80,12 +80,16 @@ pub(super) fn assemble(
     let mut contacts = Vec::with_capacity(parts.components.len());
     let mut parted = Vec::new();
     for (number, component) in parts.components.into_iter().enumerate() {
-        let rest = if scene.contact.is_some() { component.rest.clone() } else { Vec::new() };
+        let (rest, periodic) = match scene.contact {
+            Some(_) => (component.rest.clone(), component.periodic.clone()),
+            None => (Vec::new(), Vec::new()),
+        };
         let bodies = &parts.bodies;
         let made = component.into_system(scene, &nodal_fixes(&fixes, bodies, number));
         let made = made.and_then(|(system, mut state, notes)| {
             parts.notes.extend(notes);
-            let surfaces = Surfaces { bodies, rigids: &rigids, rest: &rest, stitches: &parts.stitches };
+            let (rigids, stitches) = (&rigids, &parts.stitches);
+            let surfaces = Surfaces { bodies, rigids, rest: &rest, periodic: &periodic, stitches };
             let contact =
                 contact(scene, number, (&system, &mut state), &surfaces, &mut meeting, &mut parted)?;
             let live = contact.iter().flat_map(ContactModel::live).collect();

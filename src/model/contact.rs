@@ -6,6 +6,7 @@ use std::sync::Arc;
 use vi_contact::{ContactTerm, Gap, PairRule, RollingTerm, SurfaceBuilder, median_edge};
 use vi_core::{Live, State, System};
 
+use super::cuts::Cuts;
 use super::extent::extent;
 use super::meeting::{Meeting, name_of};
 use super::naming::part_in_words;
@@ -39,6 +40,8 @@ struct Part {
     triangles: Vec<[u32; 3]>,
     /// Quadrilaterals of a deformable body that are cut into these triangles along either diagonal.
     quadrilaterals: Vec<[u32; 4]>,
+    /// Triangles beyond which the body continues.
+    cuts: Vec<[u32; 3]>,
     /// The node and outward normal of a half-space.
     plane: Option<(u32, [f64; 3])>,
     /// Two more nodes on the face of a half-space that rotates.
@@ -79,6 +82,8 @@ pub(super) struct Surfaces<'a> {
     pub(super) rigids: &'a [RigidModel],
     /// Rest positions of the nodes of the component, m.
     pub(super) rest: &'a [[f64; 3]],
+    /// Pairs of periodic nodes, each with the number of its table in the scene.
+    pub(super) periodic: &'a [((u32, u32), usize)],
     /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
     pub(super) stitches: &'a [(usize, u32, Vec<u32>)],
 }
@@ -97,9 +102,10 @@ pub(super) fn contact(
     let Surfaces { bodies, rigids, .. } = *surfaces;
     let wrong = |message: String| Problem::new("contact", message);
     let rest = surfaces.rest.as_flattened();
+    let cuts = Cuts::new(system.coordinates(), surfaces.periodic);
     let mut parts = Vec::new();
     for (number, body) in bodies.iter().enumerate().filter(|(_, body)| body.component == component) {
-        parts.push(of_body(scene, number, body, rest).map_err(wrong)?);
+        parts.push(of_body(scene, number, body, (rest, &cuts)).map_err(wrong)?);
     }
     let extent = extent(component, bodies, rigids, rest);
     for (number, rigid) in rigids.iter().enumerate().filter(|(_, rigid)| rigid.component == component) {
@@ -218,6 +224,7 @@ fn builder(
         });
         builder.triangles(body, &part.triangles);
         builder.quadrilaterals(&part.quadrilaterals);
+        builder.cuts(&part.cuts);
         match (part.skeleton.0.as_slice(), part.skeleton.1) {
             (&[point], area) => builder.point(body, point, area),
             (&[a, b], area) => builder.segment(body, [a, b], area),
@@ -237,7 +244,12 @@ fn builder(
 }
 
 /// Returns the surface of a deformable body.
-fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Result<Part, String> {
+fn of_body(
+    scene: &Scene,
+    number: usize,
+    body: &BodyModel,
+    (rest, cuts): (&[f64], &Cuts),
+) -> Result<Part, String> {
     let of_scene = &scene.bodies[number];
     let surface = vi_mesh::Surface::of_body(&body.mesh, of_scene.dimension())
         .map_err(|error| format!("body '{}': {error}", body.name))?;
@@ -245,6 +257,11 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
     let triangles: Vec<[u32; 3]> =
         surface.triangles().into_iter().map(|triangle| triangle.map(number_of)).collect();
     let quadrilaterals = surface.cut_quadrilaterals().into_iter().map(|nodes| nodes.map(number_of)).collect();
+    let places = rest.as_chunks::<3>().0;
+    let cuts = match of_scene.dimension() {
+        3 => triangles.iter().copied().filter(|&triangle| cuts.contain(triangle, places)).collect(),
+        _ => Vec::new(),
+    };
     let edge = median_edge(&triangles, rest).unwrap_or(1.0);
     let (mut radius, mut distance, mut young) = (0.0, DISTANCE * edge, f64::INFINITY);
     for entry in &of_scene.material.0 {
@@ -268,6 +285,7 @@ fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Resu
         number,
         triangles,
         quadrilaterals,
+        cuts,
         plane,
         corners,
         skeleton,
@@ -314,6 +332,7 @@ fn of_rigid(scene: &Scene, number: usize, model: &RigidModel, rest: &[f64], exte
         number,
         triangles,
         quadrilaterals: Vec::new(),
+        cuts: Vec::new(),
         plane,
         corners,
         skeleton,

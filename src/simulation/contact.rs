@@ -105,9 +105,10 @@ impl Sides {
         self.sums[usize::from(push.dot(&self.outward) < 0.0)] += force;
     }
 
-    /// Returns the size of the larger sum, N.
-    fn larger(&self) -> f64 {
-        self.sums[0].norm().max(self.sums[1].norm())
+    /// Returns the larger sum, N.
+    fn larger(&self) -> Vector3<f64> {
+        let [first, second] = self.sums;
+        if first.norm() >= second.norm() { first } else { second }
     }
 }
 
@@ -303,11 +304,11 @@ impl ContactWatch {
                 }
             }
         }
-        let mut areas = vec![f64::INFINITY; x.len() / 3];
-        surface.points().iter().for_each(|point| areas[point.node as usize] = point.area);
-        for ((at, sides), area) in all.iter_mut().zip(&sides).zip(&areas) {
-            at.traction.iter_mut().for_each(|value| *value /= area);
-            at.pressure = sides.larger() / area;
+        let net = surface.pressed_areas(x, |node| Vector3::from(all[node as usize].traction));
+        let of_side = surface.pressed_areas(x, |node| sides[node as usize].larger());
+        for (node, at) in all.iter_mut().enumerate() {
+            at.traction.iter_mut().for_each(|value| *value /= net[node]);
+            at.pressure = sides[node].larger().norm() / of_side[node];
         }
         all
     }

@@ -8,6 +8,7 @@ mod contact_at_end;
 mod contact_bounces;
 mod contact_cases;
 mod contact_conformance;
+mod contact_cuts;
 mod contact_failures;
 mod contact_impulses;
 mod contact_planes;

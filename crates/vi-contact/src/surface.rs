@@ -51,6 +51,8 @@ pub struct Cell {
     /// Places in `nodes` of the ends of its edge that bristles follow: the longest one at rest, whatever the numbers of the
     /// nodes are.
     pub(crate) followed: [u8; 2],
+    /// Whether it is part of a cut through the body, beyond which the body continues.
+    pub(crate) is_cut: bool,
 }
 
 impl Cell {
@@ -140,6 +142,8 @@ pub struct Surface {
     pub(crate) start: Vec<f64>,
     pub(crate) points: Vec<Point>,
     pub(crate) cells: Vec<Cell>,
+    /// Quadrilaterals of deformable bodies that are cut into two cells, along the diagonal of the first and third node.
+    pub(crate) quadrilaterals: Vec<[u32; 4]>,
     pub(crate) edges: Vec<Edge>,
     pub(crate) half_spaces: Vec<HalfSpace>,
     pub(crate) laws: Laws,

@@ -5,8 +5,14 @@
 //! are cut into triangles: the mixed Voronoi areas of Meyer, Desbrun, Schröder and Barr, "Discrete Differential-Geometry Operators for
 //! Triangulated 2-Manifolds" (2003), section 3.3. All four corners of a rectangle represent a quarter of it, along whichever
 //! diagonal it is cut. With thirds, a box that falls flat on a floor would turn over.
+//!
+//! A model of a part of a body is cut off on planes of symmetry and on periodic seams. Nothing presses these faces, so nodes on
+//! their rim represent the area of their other faces only. Otherwise a half of a body would press harder along its cut than the
+//! whole body does there.
 
-use super::Cell;
+use std::collections::BTreeSet;
+
+use super::{Cell, Surface};
 use crate::distance::{Vec3, at};
 
 /// Returns the areas (m²) of the corners of a triangle of a deformable body.
@@ -38,9 +44,45 @@ fn voronoi(corners: [Vec3; 3]) -> [f64; 3] {
     })
 }
 
+/// The share of a triangle that a node of it represents.
+pub(super) struct Share {
+    pub(super) node: u32,
+    pub(super) corners: [u32; 3],
+    /// m²; negative where the other way to cut a quadrilateral corrects it.
+    pub(super) area: f64,
+    /// Whether the triangle is part of a cut through the body.
+    pub(super) is_cut: bool,
+}
+
+/// Calls `each` with all shares of all triangles at rest. Each of the `quadrilaterals` is cut into two cells along the diagonal
+/// of its first and third node.
+pub(super) fn shares(
+    cells: &[Cell],
+    quadrilaterals: &[[u32; 4]],
+    is_rigid: impl Fn(u32) -> bool,
+    rest: &[f64],
+    mut each: impl FnMut(Share),
+) {
+    let cuts: BTreeSet<[u32; 3]> = cells.iter().filter(|cell| cell.is_cut).map(|cell| cell.nodes).collect();
+    for &Cell { nodes, is_cut, body, .. } in cells.iter().filter(|cell| cell.count == 3) {
+        let corners = nodes.map(|node| at(rest, node));
+        let areas = if is_rigid(body) { voronoi(corners) } else { thirds(corners) };
+        let share = |(node, area)| Share { node, corners: nodes, area, is_cut };
+        nodes.into_iter().zip(areas).for_each(|entry| each(share(entry)));
+    }
+    for &[a, b, c, d] in quadrilaterals {
+        let mut cell = [a, b, c];
+        cell.sort_unstable();
+        let is_cut = cuts.contains(&cell);
+        for (corners, part) in [([a, b, d], 0.5), ([b, c, d], 0.5), ([a, b, c], -0.5), ([a, c, d], -0.5)] {
+            let area = part * area(corners.map(|node| at(rest, node))) / 3.0;
+            corners.into_iter().for_each(|node| each(Share { node, corners, area, is_cut }));
+        }
+    }
+}
+
 /// Returns the area of each node at rest (m²), `None` for nodes of no triangle or edge: as the head of this file says, and half of the
-/// length of each wire times its width. Each of the `quadrilaterals` is cut into two cells along the diagonal of its first and third
-/// node.
+/// length of each wire times its width. Triangles of a cut through the body count only for nodes that have no others.
 pub(super) fn areas(
     cells: &[Cell],
     quadrilaterals: &[[u32; 4]],
@@ -48,29 +90,49 @@ pub(super) fn areas(
     widths: &[f64],
     rest: &[f64],
 ) -> Vec<Option<f64>> {
-    let mut areas = vec![None; rest.len() / 3];
-    let mut add = |node: u32, area: f64| *areas[node as usize].get_or_insert(0.0) += area;
-    for cell in cells {
-        let corners = cell.nodes.map(|node| at(rest, node));
-        match cell.count {
-            3 => {
-                let shares = if is_rigid(cell.body) { voronoi(corners) } else { thirds(corners) };
-                cell.nodes.iter().zip(shares).for_each(|(&node, share)| add(node, share));
+    // Of each node, the area of what can be pressed, and of cuts.
+    let mut areas = vec![[None; 2]; rest.len() / 3];
+    let mut add = |node: u32, area: f64, is_cut: bool| {
+        *areas[node as usize][usize::from(is_cut)].get_or_insert(0.0) += area;
+    };
+    shares(cells, quadrilaterals, is_rigid, rest, |share| add(share.node, share.area, share.is_cut));
+    for cell in cells.iter().filter(|cell| cell.count == 2) {
+        let length = (at(rest, cell.nodes[1]) - at(rest, cell.nodes[0])).norm();
+        let share = 0.5 * length * widths[cell.body as usize];
+        cell.nodes().iter().for_each(|&node| add(node, share, false));
+    }
+    areas.into_iter().map(|[pressed, of_cuts]| pressed.or(of_cuts)).collect()
+}
+
+/// The least cosine between a force on a node and the normal of a face that it presses.
+const FACING: f64 = 0.5;
+
+impl Surface {
+    /// Returns the area of each node that a force presses (m²), infinite for nodes that represent none: that of the faces whose
+    /// normals at positions x (m) are within 60° of the line of the force, and of all its faces if none is.
+    ///
+    /// The pressure on a node at the edge of a block that stands on a floor is thus that on its base, without the area of the sides.
+    pub fn pressed_areas(&self, x: &[f64], force: impl Fn(u32) -> Vec3) -> Vec<f64> {
+        let mut pressed = vec![0.0; x.len() / 3];
+        let is_rigid = |body: u32| self.frames[body as usize].is_some();
+        shares(&self.cells, &self.quadrilaterals, is_rigid, &self.rest, |share| {
+            let force = force(share.node);
+            if share.is_cut || force == Vec3::zeros() {
+                return;
             }
-            2 => {
-                let share = 0.5 * (corners[1] - corners[0]).norm() * widths[cell.body as usize];
-                cell.nodes().iter().for_each(|&node| add(node, share));
+            let [a, b, c] = share.corners.map(|node| at(x, node));
+            let normal = (b - a).cross(&(c - a));
+            if normal.dot(&force).abs() >= FACING * normal.norm() * force.norm() {
+                pressed[share.node as usize] += share.area;
             }
-            _ => {}
+        });
+        let mut areas = vec![f64::INFINITY; pressed.len()];
+        for point in &self.points {
+            let pressed = pressed[point.node as usize];
+            areas[point.node as usize] = if pressed > 0.0 { pressed } else { point.area };
         }
+        areas
     }
-    for &[a, b, c, d] in quadrilaterals {
-        let third = |nodes: [u32; 3]| area(nodes.map(|node| at(rest, node))) / 3.0;
-        let cut = |nodes: [u32; 3], share: f64| nodes.map(|node| (node, share * third(nodes)));
-        let changes = [cut([a, b, d], 0.5), cut([b, c, d], 0.5), cut([a, b, c], -0.5), cut([a, c, d], -0.5)];
-        changes.into_iter().flatten().for_each(|(node, change)| add(node, change));
-    }
-    areas
 }
 
 #[cfg(test)]
@@ -80,7 +142,7 @@ mod tests {
 
     fn cell(mut nodes: [u32; 3]) -> Cell {
         nodes.sort_unstable();
-        Cell { nodes, count: 3, body: 0, followed: [0, 1] }
+        Cell { nodes, count: 3, body: 0, followed: [0, 1], is_cut: false }
     }
 
     /// The four corners of a rectangle represent equal areas, along whichever diagonal it is cut, whether it is rigid or a face

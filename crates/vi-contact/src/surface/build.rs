@@ -40,6 +40,7 @@ pub struct SurfaceBuilder {
     laws: Laws,
     cells: Vec<Cell>,
     quadrilaterals: Vec<[u32; 4]>,
+    cuts: BTreeSet<[u32; 3]>,
     areas: BTreeMap<u32, f64>,
     half_spaces: Vec<HalfSpace>,
     held: BTreeMap<u32, u32>,
@@ -67,6 +68,7 @@ impl SurfaceBuilder {
             laws,
             cells: Vec::new(),
             quadrilaterals: Vec::new(),
+            cuts: BTreeSet::new(),
             areas: BTreeMap::new(),
             half_spaces: Vec::new(),
             held: BTreeMap::new(),
@@ -115,6 +117,17 @@ impl SurfaceBuilder {
         self.quadrilaterals.extend(quadrilaterals);
     }
 
+    /// Declares triangles to be faces of a cut, beyond which the body continues: on a plane of symmetry, or on a seam of a
+    /// periodic body. Nothing presses them, so their nodes represent the area of other faces only, and an edge on their rim is
+    /// as sharp as between a face and its mirror image.
+    pub fn cuts(&mut self, triangles: &[[u32; 3]]) {
+        let sorted = |mut nodes: [u32; 3]| {
+            nodes.sort_unstable();
+            nodes
+        };
+        self.cuts.extend(triangles.iter().map(|&nodes| sorted(nodes)));
+    }
+
     /// Adds wire edges to a body: a rope, or a capsule. An edge represents its length times its width, the larger of
     /// 2·radius and d̂.
     pub fn wires(&mut self, body: u32, edges: &[[u32; 2]]) {
@@ -150,7 +163,7 @@ impl SurfaceBuilder {
 
     fn cell(&mut self, body: u32, mut nodes: [u32; 3], count: u8) {
         nodes.sort_unstable();
-        self.cells.push(Cell { nodes, count, body, followed: [0, 1] });
+        self.cells.push(Cell { nodes, count, body, followed: [0, 1], is_cut: false });
     }
 
     /// Makes a body a half-space n·(x − x_node) < 0 with an outward normal n of any length.
@@ -189,8 +202,10 @@ impl SurfaceBuilder {
         self.cells.sort_by_key(|cell| (cell.body, cell.nodes, cell.count));
         self.cells.dedup();
         let owners = self.owners()?;
-        let rest = &self.rest;
-        self.cells.iter_mut().for_each(|cell| cell.followed = longest_edge(cell.nodes, rest));
+        for cell in &mut self.cells {
+            cell.followed = longest_edge(cell.nodes, &self.rest);
+            cell.is_cut = cell.count == 3 && self.cuts.contains(&cell.nodes);
+        }
         let widths: Vec<f64> =
             self.laws.bodies.iter().map(|body| body.distance.max(2.0 * body.radius)).collect();
         let edges = edges(&self.cells, &widths, &self.rest);
@@ -234,6 +249,7 @@ impl SurfaceBuilder {
             own: vec![[0.0; 2]; points.len()],
             points,
             cells: self.cells,
+            quadrilaterals: self.quadrilaterals,
             edges,
             half_spaces: self.half_spaces,
             laws: self.laws,
