@@ -83,3 +83,40 @@ fixed = true
 "#
     )
 }
+
+/// A ball that hits a soft block and rubs on it exchanges no energy but what friction takes, step by step, also where a pair opens for one step
+/// and closes again: its bristle is then forgotten.
+#[test]
+fn a_bristle_is_forgotten_where_its_pair_opens() {
+    let run = Program::run(
+        r#"
+[time]
+end = 0.01
+step = 5e-4
+scheme = "energy-momentum"
+[contact]
+friction = 0.8
+[output]
+ledger = true
+[[body]]
+name = "block"
+box = { size = [0.1, 0.1, 0.1], cells = [3, 3, 3], element = "wedge6", origin = [0, 0, 0] }
+material = { law = "neo-hookean", young = 1178777.7764934134, poisson = 0.3, density = 1000 }
+[[rigid]]
+name = "ball"
+shape = { kind = "sphere", radius = 0.03 }
+density = 1000.0
+position = [0.0615204151350356, 0.058189652305851006, 0.14]
+velocity = [0.13887199999266087, -0.5748895253263384, -2.423281223617289]
+angular_velocity = [18.57720676429205, -5.864481015582523, 3.511478606814213]
+"#,
+    )
+    .history();
+    let pairs = run.column("pairs");
+    assert!(pairs.windows(3).any(|three| three == [1.0, 0.0, 0.0]), "{pairs:?}");
+    let kept: Vec<f64> =
+        run.column("total").iter().zip(run.column("friction")).map(|(e, work)| e - work).collect();
+    for (step, two) in kept.windows(2).enumerate() {
+        assert!((two[1] - two[0]).abs() < 1e-10 * kept[0], "step {}: {:e}", step + 1, two[1] - two[0]);
+    }
+}

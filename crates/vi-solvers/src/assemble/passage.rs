@@ -81,6 +81,8 @@ pub(crate) struct Passage {
     /// [`Passage::take_smallest_gap`], m.
     next_gap: Option<f64>,
     smallest_gap: Option<f64>,
+    /// Whether any term acts in the open step with a memory.
+    opened_with_memory: bool,
 }
 
 /// A step that can be divided fails if its smallest gap ends below the fraction `NARROW` of that from which on pairs act, and
@@ -139,8 +141,10 @@ impl Passage {
             self.x = x.to_vec();
             self.impulses.clear();
         }
-        let is_same = self.now.span == span && !self.remembers();
+        let remembers = self.remembers();
+        let is_same = self.now.span == span && !remembers && !self.opened_with_memory;
         self.now.span = span;
+        self.opened_with_memory = remembers;
         !is_same
     }
 
