@@ -9,6 +9,7 @@ use vi_solvers::{Assembler, SolverError, Stepper};
 use super::contact::ContactTotals;
 use super::{Component, ContactFacts, Simulation};
 use crate::model::{BodyModel, Pose, ProbeTarget, RigidModel};
+use crate::scene::RigidShape;
 
 /// Position and displacement of a probe, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -85,6 +86,11 @@ fn kinetic(stepper: Option<&dyn Stepper>, system: &System, state: &State) -> f64
         Some(v) => 0.5 * state.p.iter().zip(v).map(|(p, v)| p * v).sum::<f64>(),
         None => vi_core::kinetic_energy(system, state),
     }
+}
+
+/// Returns the forces of the supports of a component, N.
+fn reactions(component: &Component) -> Vec<f64> {
+    vi_solvers::reactions(&component.system, &component.state, component.stepper.as_deref())
 }
 
 impl Simulation {
@@ -255,15 +261,20 @@ impl Simulation {
 
     /// Returns the same reactions in the numbering of the component, without a copy in that of the body.
     pub(crate) fn supports(&self, body: usize) -> OfNodes<'_> {
-        self.of_nodes(body, |component| vi_solvers::reactions(&component.system, &component.state))
+        self.of_nodes(body, |component| reactions(component))
     }
 
     /// Returns the centre (m) of rigid body number `rigid`, which is fixed or moved, and the force (N) and the moment about its centre
     /// (N m) with which its support holds what is attached to it and what it touches. Forces of joints are not included.
     pub fn rigid_reaction(&self, rigid: usize) -> [[f64; 3]; 3] {
-        let (rigid, Component { system, state, .. }) = self.rigid(rigid);
-        let held = vi_solvers::reactions(system, state);
-        rigid.wrench(&system.positions(state), &held)
+        let (rigid, component) = self.rigid(rigid);
+        let Component { system, state, stepper, .. } = component;
+        let [centre, force, mut moment] = rigid.wrench(&system.positions(state), &reactions(component));
+        if rigid.shape.as_ref().is_some_and(RigidShape::is_plane) {
+            let couple = vi_solvers::couple_at(system, state, stepper.as_deref(), rigid.node as u32);
+            moment.iter_mut().zip(couple).for_each(|(moment, couple)| *moment += couple);
+        }
+        [centre, force, moment]
     }
 
     /// Returns the couples that act at edges of body number `body` whose normals are held. Nodes are numbered in the

@@ -13,6 +13,7 @@ mod contact_failures;
 mod contact_impulses;
 mod contact_planes;
 mod contact_prescribed;
+mod contact_reactions;
 mod contact_resolved;
 mod contact_scenes;
 mod contact_statics;

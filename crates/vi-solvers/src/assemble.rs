@@ -13,6 +13,7 @@ pub(crate) mod free_path;
 pub(crate) mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
+pub(crate) mod last_forces;
 pub(crate) mod links;
 pub(crate) mod live;
 pub(crate) mod pairs;

@@ -22,11 +22,12 @@ pub use assemble::assembler::Assembler;
 pub use assemble::energy::Energies;
 pub use assemble::fixed::AssemblyWork;
 pub use assemble::hessian::HessianEvaluation;
+pub use assemble::last_forces::SeeForces;
 pub use equilibrium::circulation::circulatory;
 pub use equilibrium::function::PathFunction;
 pub use equilibrium::load_control::{equilibrium, equilibrium_path};
 pub use equilibrium::nodal_forces::{
-    EdgeCouple, accelerations, edge_couples, external_forces, net_forces, reactions,
+    EdgeCouple, accelerations, couple_at, edge_couples, external_forces, net_forces, reactions,
 };
 pub use equilibrium::options::{CriticalKind, CriticalPoint, LoadStep, StaticOptions, StaticReport};
 pub use equilibrium::path_following::{PathControl, path_following};

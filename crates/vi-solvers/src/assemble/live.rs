@@ -17,6 +17,7 @@ use vi_core::{Acting, EndForces, Impulse, Potential, StepOutcome, StepSpan, Term
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
+use crate::assemble::last_forces::{self, SeeForces};
 use crate::assemble::passage::Passage;
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix_sum::MatrixSum;
@@ -186,6 +187,23 @@ impl LiveSum {
     /// See [`Passage::add_impulses`].
     pub(crate) fn add_impulses(&mut self, impulses: &[Impulse]) {
         self.passage.add_impulses(impulses);
+    }
+
+    /// See [`Passage::add_at_end`].
+    pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
+        self.passage.add_at_end(nodal);
+    }
+
+    /// See [`Passage::see_forces`].
+    pub(crate) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.passage.see_forces(see)
+    }
+
+    /// Calls `see` with ∂V/∂x of the terms at positions x and time t, stencil by stencil.
+    pub(crate) fn see_gradients(&mut self, x: &[f64], t: f64, see: &mut SeeForces<'_>) {
+        self.follow(x, None);
+        let near = self.near.iter().flat_map(|near| near.whole.terms().fixed());
+        near.for_each(|term| last_forces::at(term.as_ref(), x, t, see));
     }
 
     /// Accepts the step that was closed last.

@@ -10,6 +10,7 @@ use vi_core::{
     StepSpan, Traits,
 };
 
+use crate::assemble::last_forces::{ActingTerms, SeeForces};
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 
@@ -62,7 +63,7 @@ impl Remembered {
 }
 
 /// The memory of live terms over the steps.
-#[derive(Debug, Clone, Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Passage {
     /// The current memory, and the positions of all coordinates to which it belongs, m. Empty positions mean
     /// anywhere.
@@ -83,6 +84,9 @@ pub(crate) struct Passage {
     smallest_gap: Option<f64>,
     /// Whether any term acts in the open step with a memory.
     opened_with_memory: bool,
+    /// What acts in the step that was closed last, and in the last step; `None` if that is not known.
+    next_acting: Option<ActingTerms>,
+    acting: Option<ActingTerms>,
 }
 
 /// A step that can be divided fails if its smallest gap ends below the fraction `NARROW` of that from which on pairs act, and
@@ -140,6 +144,7 @@ impl Passage {
             self.now = self.before.clone();
             self.x = x.to_vec();
             self.impulses.clear();
+            self.acting = None;
         }
         let remembers = self.remembers();
         let is_same = self.now.span == span && !remembers && !self.opened_with_memory;
@@ -214,6 +219,26 @@ impl Passage {
         add_impulses(&mut self.next_impulses, impulses);
     }
 
+    /// Adds what acts on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a gradient, N s.
+    pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
+        if let Some(acting) = &mut self.next_acting {
+            acting.add_at_end(nodal);
+        }
+    }
+
+    /// Calls `see` with the mean forces over the last step, or those at its end if that is where terms act. Returns false if they
+    /// are not known.
+    pub(crate) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        let Self { acting: Some(acting), before, x_before, x, .. } = self else { return false };
+        acting.see(|number, term| before.over_step(number, term), before.span, [x_before, x], see);
+        true
+    }
+
+    /// Notes that nothing acted in the last step.
+    pub(crate) fn pass_freely(&mut self) {
+        self.acting = Some(ActingTerms::default());
+    }
+
     /// Closes the step and returns the effects of all terms together. [`Passage::accept`] makes the change permanent.
     pub(crate) fn close(
         &mut self,
@@ -240,6 +265,7 @@ impl Passage {
         self.next.stored = sum.stored;
         self.next_impulses.clone_from(&sum.impulses);
         self.next_gap = sum.smallest_gap;
+        self.next_acting = Some(ActingTerms::new(discrete));
         sum
     }
 
@@ -253,6 +279,7 @@ impl Passage {
         let last = std::mem::replace(&mut self.impulses, std::mem::take(&mut self.next_impulses));
         add_impulses(&mut self.earlier, &last);
         self.smallest_gap = smaller(self.smallest_gap, self.next_gap.take());
+        self.acting = self.next_acting.take();
     }
 
     /// Returns the impulses since the last call.

@@ -124,7 +124,7 @@ impl<'a> Balance<'a> {
         if let Some(done) = &mut self.done {
             done.go_to(self.system, (&self.x, t), &self.gradient, forces);
         }
-        self.friction.as_mut().map_or(Ok(()), |friction| friction.accept(&self.x))
+        self.friction.as_mut().map_or(Ok(()), |friction| friction.accept(&self.x, t))
     }
 
     /// Returns whether all forces have a potential, so that equilibria are stationary points of V.

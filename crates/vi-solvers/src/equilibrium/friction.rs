@@ -4,6 +4,7 @@
 use vi_core::{Coordinates, Impulse, StepSpan, System};
 
 use crate::assemble::assembler::Assembler;
+use crate::assemble::last_forces::ListedForces;
 use crate::assemble::live::{LiveState, LiveSum};
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
@@ -23,6 +24,8 @@ pub(crate) struct Rubbed {
     pub(crate) work: f64,
     /// Forces between bodies, N.
     pub(crate) forces: Vec<Impulse>,
+    /// All forces of live terms in the equilibrium.
+    pub(crate) listed: ListedForces,
     /// The smallest gap of the pairs that act, m.
     pub(crate) smallest_gap: Option<f64>,
 }
@@ -105,18 +108,23 @@ impl Friction {
         self.pairs.predict(factor, delta);
     }
 
-    /// Accepts an equilibrium at positions x, from which the next step begins.
+    /// Accepts an equilibrium at positions x and time t, from which the next step begins.
     ///
     /// # Errors
     /// Returns an error if the forces cannot be summed.
-    pub(crate) fn accept(&mut self, x: &[f64]) -> Result<(), SolverError> {
+    pub(crate) fn accept(&mut self, x: &[f64], t: f64) -> Result<(), SolverError> {
         let outcome = self.live.close_step(&self.start, x);
         self.live.accept_step(&self.start, x);
+        let listed = ListedForces::new(x, |see| {
+            self.live.see_forces(see);
+            self.live.see_gradients(x, t, see);
+        });
         self.rubbed = Rubbed {
             memory: LiveState::of_memory(self.live.state()),
             stored: outcome.stored,
             work: self.rubbed.work - outcome.friction,
             forces: outcome.impulses,
+            listed,
             smallest_gap: outcome.smallest_gap,
         };
         self.start.copy_from_slice(x);

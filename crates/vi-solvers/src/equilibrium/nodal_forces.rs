@@ -4,7 +4,9 @@ use vi_core::{Account, ForceAccount, State, Stencils, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
+use crate::assemble::last_forces;
 use crate::schemes::constraint::manifold::constrain_accelerations;
+use crate::schemes::stepper::Stepper;
 
 /// Returns the accelerations of all coordinates, m/s². They are M⁻¹(f − ∂V/∂x) at free coordinates. At prescribed
 /// ones they are those of the path, by differences of its velocity over a thousandth of the time step `h` (s).
@@ -81,9 +83,19 @@ pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
 /// Returns the forces that hold the prescribed coordinates, N, one entry per coordinate: ∂V/∂x − f for coordinates
 /// that do not accelerate, plus the inertia that consistent mass transfers to them, M_pf q̈; zero at free
 /// coordinates.
-pub fn reactions(system: &System, state: &State) -> Vec<f64> {
+///
+/// Live terms, such as contact, have the forces that `stepper` knows of its last step ([`Stepper::see_live_forces`]), with those that
+/// have no potential, and otherwise their gradient.
+pub fn reactions(system: &System, state: &State, stepper: Option<&dyn Stepper>) -> Vec<f64> {
     let mut out = system.positions(state);
-    Assembler::new(system).replace_by_gradient(&mut out, state.t);
+    match live_gradient(system, stepper) {
+        Some(live) => {
+            let fixed = system.terms().clone().with_live(Vec::new());
+            Assembler::new(&fixed).replace_by_gradient(&mut out, state.t);
+            out.iter_mut().zip(&live).for_each(|(out, live)| *out += live);
+        }
+        None => Assembler::new(system).replace_by_gradient(&mut out, state.t),
+    }
     if let Some(mut forces) = ForceSum::new(system) {
         forces.evaluate(&system.positions(state), &system.velocities(state), state.t);
         for (dof, out) in out.iter_mut().enumerate() {
@@ -103,6 +115,52 @@ pub fn reactions(system: &System, state: &State) -> Vec<f64> {
     }
     system.coordinates().to_space(&mut out);
     out
+}
+
+/// Returns the forces of live terms over the last step with the sign of a gradient, N, pulled back from tied nodes; `None` if there are
+/// no such terms or the stepper does not know their forces.
+fn live_gradient(system: &System, stepper: Option<&dyn Stepper>) -> Option<Vec<f64>> {
+    let (stepper, coordinates) = (stepper?, system.coordinates());
+    if system.terms().live().is_empty() {
+        return None;
+    }
+    let mut sum = vec![0.0; coordinates.dof_count()];
+    let is_known = stepper.see_live_forces(&mut |_, nodes, forces| {
+        for (&node, force) in nodes.iter().zip(forces.as_chunks::<3>().0) {
+            (0..3).for_each(|k| sum[3 * node as usize + k] += force[k]);
+        }
+    });
+    coordinates.pull_back(&mut sum);
+    is_known.then_some(sum)
+}
+
+/// Returns the couple (N m) that the support of `node` exerts besides the force at this node, because the node stands for a
+/// face of constant direction: −Σ x × ∂V_s/∂x over the stencils s of live terms with this node. It is the moment about the node
+/// that the forces of the stencils lack.
+pub fn couple_at(system: &System, state: &State, stepper: Option<&dyn Stepper>, node: u32) -> [f64; 3] {
+    let coordinates = system.coordinates();
+    let mut couple = [0.0; 3];
+    let mut see = |x: &[f64], nodes: &[u32], forces: &[f64]| {
+        if !nodes.contains(&node) {
+            return;
+        }
+        for (&other, force) in nodes.iter().zip(forces.as_chunks::<3>().0) {
+            // Directors are vectors and not places.
+            let from = (!coordinates.is_director(other)).then_some(3 * node as usize);
+            let arm = [0, 1, 2].map(|k| x[3 * other as usize + k] - from.map_or(0.0, |from| x[from + k]));
+            for (k, couple) in couple.iter_mut().enumerate() {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                *couple -= arm[i] * force[j] - arm[j] * force[i];
+            }
+        }
+    };
+    if !stepper.is_some_and(|stepper| stepper.see_live_forces(&mut see)) {
+        let x = system.positions(state);
+        for term in system.terms().live() {
+            last_forces::at(term.near(&x, term.reach()).as_ref(), &x, state.t, &mut see);
+        }
+    }
+    couple
 }
 
 /// The couple that a support exerts at an edge of a sheet whose normal it holds.

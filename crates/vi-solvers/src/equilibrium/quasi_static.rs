@@ -3,6 +3,7 @@
 use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
+use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
 use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::load_control::search;
@@ -121,6 +122,10 @@ impl Stepper for QuasiStatic {
         impulses.iter_mut().for_each(|impulse| impulse.value.iter_mut().for_each(|value| *value *= self.h));
         // Without friction, nothing is listed.
         (!impulses.is_empty()).then_some(impulses)
+    }
+
+    fn see_live_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.friction.listed.see(see)
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {

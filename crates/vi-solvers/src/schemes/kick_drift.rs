@@ -26,6 +26,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::filtered::FilteredDrift;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::force_sum::ForceSum;
+use crate::assemble::last_forces::SeeForces;
 use crate::assemble::sweep::Sweep;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};
@@ -385,6 +386,10 @@ impl Stepper for KickDrift {
             Some(collisions) => Some(collisions.take_impulses()),
             None => self.live_impulses.take(),
         }
+    }
+
+    fn see_live_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.collisions.as_ref().is_some_and(|collisions| collisions.see_forces(see))
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {

@@ -17,6 +17,7 @@ use vi_core::{Impulse, State, StepEnergy, System};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
+use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
 use crate::assemble::passage::check_narrowest;
 use crate::error::SolverError;
@@ -211,6 +212,7 @@ impl<R: Rule> OneStage<R> {
             dv.iter_mut().zip(&damped.velocity).for_each(|(dv, change)| *dv += change);
         }
         evaluator.add_impulses(&damped.impulses);
+        evaluator.add_at_end(damped.nodal.into_iter());
         energy.contact_damping -= damped.dissipated;
         energy.friction -= damped.friction;
         energy.prescribed += damped.prescribed;
@@ -406,6 +408,10 @@ impl<R: Rule> Stepper for OneStage<R> {
 
     fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
         self.evaluator.acts_over_steps().then(|| self.evaluator.take_impulses())
+    }
+
+    fn see_live_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.evaluator.see_forces(see)
     }
 
     fn take_smallest_gap(&mut self) -> Option<f64> {

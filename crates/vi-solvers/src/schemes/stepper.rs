@@ -3,6 +3,7 @@
 
 use vi_core::{Impulse, State, StepEnergy, System};
 
+use crate::assemble::last_forces::SeeForces;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;
@@ -116,6 +117,13 @@ pub trait Stepper: Send {
     /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know them.
     fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
         None
+    }
+
+    /// Calls `see` with the forces that live terms had over the last step, stencil by stencil. If the step was made in parts, it is the last
+    /// part. Terms that act between both ends of a step have their mean forces, others those at its end. Returns false, without a call, if
+    /// the scheme knows no more than the potential of the terms does, or has not made a step since it was restored.
+    fn see_live_forces(&self, _see: &mut SeeForces<'_>) -> bool {
+        false
     }
 
     /// Returns the smallest gap (m) of the pairs that acted in the steps since the last call: infinite if no pair acted,

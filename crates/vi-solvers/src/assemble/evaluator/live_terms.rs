@@ -4,6 +4,7 @@ use vi_core::{EndForces, Impulse, Meeting, StepOutcome, StepSpan, System};
 
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
+use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
@@ -287,6 +288,18 @@ impl Evaluator {
         if let Some(live) = self.assembler.live() {
             live.add_impulses(impulses);
         }
+    }
+
+    /// Adds what acts on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a gradient, N s.
+    pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
+        if let Some(live) = self.assembler.live() {
+            live.add_at_end(nodal);
+        }
+    }
+
+    /// Calls `see` with the forces of live terms over the last step. Returns false if they are not known.
+    pub(crate) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.assembler.shared_live().is_some_and(|live| live.see_forces(see))
     }
 
     /// Accepts the step that was closed last.

@@ -14,6 +14,7 @@ use vi_core::{
     packed_len,
 };
 
+use crate::assemble::last_forces::SeeForces;
 use crate::error::SolverError;
 use crate::interrupt::Interrupt;
 use crate::memory::StepperMemory;
@@ -35,6 +36,8 @@ pub(super) struct Collisions {
     way: Way,
     state: State,
     interrupt: Interrupt,
+    /// Whether no term acted in the last drift.
+    is_free: bool,
 }
 
 /// The method by which a drift with acting terms is made.
@@ -203,7 +206,8 @@ impl Collisions {
             }
         };
         let interrupt = options.interrupt.clone();
-        Ok(Some(Self { system, way, state: State { t: 0.0, q: Vec::new(), p: Vec::new() }, interrupt }))
+        let state = State { t: 0.0, q: Vec::new(), p: Vec::new() };
+        Ok(Some(Self { system, way, state, interrupt, is_free: false }))
     }
 
     /// Drifts from (q, p) at time t by h. Returns `None` if no term acts along the free drift; the caller then makes
@@ -226,7 +230,9 @@ impl Collisions {
         match &mut self.way {
             Way::Whole(stepper) => {
                 let is_constrained = !self.system.constraints().is_empty();
-                if !is_constrained && !stepper.remembers() && stepper.is_free(&self.system, &self.state, h) {
+                self.is_free =
+                    !is_constrained && !stepper.remembers() && stepper.is_free(&self.system, &self.state, h);
+                if self.is_free {
                     return Ok(None);
                 }
                 let remembered = stepper.live_state();
@@ -335,6 +341,15 @@ impl Collisions {
         match &mut self.way {
             Way::Touching(touching) => touching.take_impulses(),
             Way::Whole(stepper) => stepper.take_impulses().unwrap_or_default(),
+        }
+    }
+
+    /// Calls `see` with the forces of the terms over the last drift. Returns false if they are not known.
+    pub(super) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        match &self.way {
+            Way::Touching(touching) => touching.see_forces(see),
+            Way::Whole(_) if self.is_free => true,
+            Way::Whole(stepper) => stepper.see_live_forces(see),
         }
     }
 

@@ -21,6 +21,7 @@ use vi_core::{
 
 use crate::assemble::compliance::Compliance;
 use crate::assemble::free_path::{FreePath, KEPT};
+use crate::assemble::last_forces::SeeForces;
 use crate::assemble::passage::{Passage, Remembered, check_narrowest};
 use crate::error::SolverError;
 use crate::index::free_of;
@@ -138,6 +139,7 @@ impl Touching {
 
     /// Drifts `state` by h without terms if there are bodies with constraints; otherwise the caller does.
     fn drift_freely(&mut self, system: &System, state: &mut State, h: f64) -> Option<StepEnergy> {
+        self.passage.pass_freely();
         self.bodies.as_ref()?;
         self.y.clone_from(&self.inertial);
         self.move_to_end(system, state, h);
@@ -293,6 +295,10 @@ impl Touching {
 
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
         self.passage.take_impulses()
+    }
+
+    pub(super) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
+        self.passage.see_forces(see)
     }
 
     pub(super) fn take_smallest_gap(&mut self) -> Option<f64> {

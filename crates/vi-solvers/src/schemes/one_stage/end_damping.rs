@@ -45,6 +45,8 @@ pub(super) struct Damped {
     pub(super) prescribed: f64,
     /// The impulses between parts, N s.
     pub(super) impulses: Vec<Impulse>,
+    /// The nodes of each damper, and its impulses there with the sign of a gradient, N s.
+    pub(super) nodal: Vec<(Vec<u32>, Vec<f64>)>,
 }
 
 /// The forces on velocities at the end of a step of a system.
@@ -129,6 +131,11 @@ impl EndDampers<'_> {
             between: damper.between,
             value: damper.on_first.map(|b| impulse * b),
         };
+        let nodal = |(damper, impulse): (&&Damper, &f64)| {
+            let nodes = damper.covector.iter().map(|(node, _)| *node).collect();
+            (nodes, damper.covector.iter().flat_map(|(_, b)| b.map(|b| -impulse * b)).collect())
+        };
+        let nodal = dampers.iter().zip(&impulses).map(nodal).collect();
         let impulses = dampers.iter().zip(&impulses).map(exchanged).collect();
         Damped {
             momentum,
@@ -137,6 +144,7 @@ impl EndDampers<'_> {
             friction,
             prescribed,
             impulses,
+            nodal,
         }
     }
 
