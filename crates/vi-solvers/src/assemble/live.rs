@@ -226,6 +226,11 @@ impl LiveSum {
         self.passage.take_impulses()
     }
 
+    /// See [`Passage::take_last_forces`].
+    pub(crate) fn take_last_forces(&mut self) -> Vec<Impulse> {
+        self.passage.take_last_forces()
+    }
+
     /// Returns the smallest gap of the pairs that acted in the steps since the last call, m.
     pub(crate) fn take_smallest_gap(&mut self) -> Option<f64> {
         self.passage.take_smallest_gap()

@@ -78,6 +78,8 @@ pub(crate) struct Passage {
     /// Impulses of the last step, and the sum of all earlier ones that were not yet taken, N s.
     impulses: Vec<Impulse>,
     earlier: Vec<Impulse>,
+    /// Duration of the steps whose impulses were not yet taken, s.
+    elapsed: f64,
     /// The smallest gap of the step that was closed last, and that of all accepted steps since the last call of
     /// [`Passage::take_smallest_gap`], m.
     next_gap: Option<f64>,
@@ -144,6 +146,7 @@ impl Passage {
             self.now = self.before.clone();
             self.x = x.to_vec();
             self.impulses.clear();
+            self.elapsed -= self.now.span.duration;
             self.acting = None;
         }
         let remembers = self.remembers();
@@ -278,15 +281,26 @@ impl Passage {
         self.x.extend_from_slice(end);
         let last = std::mem::replace(&mut self.impulses, std::mem::take(&mut self.next_impulses));
         add_impulses(&mut self.earlier, &last);
+        self.elapsed += self.before.span.duration;
         self.smallest_gap = smaller(self.smallest_gap, self.next_gap.take());
         self.acting = self.next_acting.take();
     }
 
     /// Returns the impulses since the last call.
     pub(crate) fn take_impulses(&mut self) -> Vec<Impulse> {
+        self.elapsed = 0.0;
         let mut all = std::mem::take(&mut self.earlier);
         add_impulses(&mut all, &std::mem::take(&mut self.impulses));
         all
+    }
+
+    /// Returns the impulses of the forces of the last step over the duration of all steps since the last call.
+    pub(crate) fn take_last_forces(&mut self) -> Vec<Impulse> {
+        self.earlier.clear();
+        let mut last = std::mem::take(&mut self.impulses);
+        let ratio = std::mem::take(&mut self.elapsed) / self.before.span.duration;
+        last.iter_mut().flat_map(|impulse| &mut impulse.value).for_each(|value| *value *= ratio);
+        last
     }
 
     /// Returns the smallest gap of the pairs that acted since the last call, m.

@@ -407,7 +407,11 @@ impl<R: Rule> Stepper for OneStage<R> {
     }
 
     fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
-        self.evaluator.acts_over_steps().then(|| self.evaluator.take_impulses())
+        let has_impulses = !self.rule.is_at_end() || self.rule.moves_by_end_forces();
+        self.evaluator.acts_over_steps().then(|| match has_impulses {
+            true => self.evaluator.take_impulses(),
+            false => self.evaluator.take_last_forces(),
+        })
     }
 
     fn see_live_forces(&self, see: &mut SeeForces<'_>) -> bool {

@@ -114,7 +114,8 @@ pub trait Stepper: Send {
         0.0
     }
 
-    /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know them.
+    /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know them. Schemes whose
+    /// momenta do not change by the forces at the end of a step, where the terms act, return those of the last step over all the time.
     fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
         None
     }

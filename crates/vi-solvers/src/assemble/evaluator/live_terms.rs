@@ -335,6 +335,11 @@ impl Evaluator {
         self.assembler.live().map(|live| live.take_impulses()).unwrap_or_default()
     }
 
+    /// Returns the impulses of the forces of the last step over the duration of all steps since the last call, N s.
+    pub(crate) fn take_last_forces(&mut self) -> Vec<Impulse> {
+        self.assembler.live().map(|live| live.take_last_forces()).unwrap_or_default()
+    }
+
     /// Returns the smallest gap of live terms in the steps since the last call, m; infinite if no pair acted.
     pub(crate) fn take_smallest_gap(&mut self) -> f64 {
         self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)

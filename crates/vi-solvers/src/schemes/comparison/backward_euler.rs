@@ -14,6 +14,9 @@ impl Rule for BackwardEuler {
     fn time(&self) -> f64 {
         1.0
     }
+    fn moves_by_end_forces(&self) -> bool {
+        true
+    }
     fn offset(&self, _k: usize, v: f64, h: f64) -> f64 {
         h * v
     }

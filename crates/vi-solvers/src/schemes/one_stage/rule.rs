@@ -31,6 +31,10 @@ pub(crate) trait Rule: Send + Sync {
     fn is_at_end(&self) -> bool {
         self.time() == 1.0
     }
+    /// Returns whether momenta change by h times the forces at the end of the step.
+    fn moves_by_end_forces(&self) -> bool {
+        false
+    }
     /// Returns û − q₀.
     fn offset(&self, k: usize, v: f64, h: f64) -> f64;
     /// Returns the changes of q and of velocity over the step; both are affine in w.
