@@ -132,7 +132,7 @@ fn time(check: &mut Checker, scene: &Scene) {
         check.say(
             "solver.mass",
             "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each: make `time.scheme` \
-             implicit (implicit-midpoint, gauss, energy-momentum), or remove `mass`",
+             implicit (implicit-midpoint, energy-momentum), or remove `mass`",
         );
     }
     if scene.solver.mass == Some(MassKind::Filtered) {

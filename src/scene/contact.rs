@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use vi_solvers::Method;
 
-use super::{GuardAction, Problem, Scene};
+use super::{GuardAction, MassKind, Problem, Scene};
 
 /// `[contact]`: contact of all bodies with each other and with themselves. Without this table there is no contact, and
 /// bodies pass through each other. Formulae, defaults and limits: docs/contact.md.
@@ -194,7 +194,7 @@ pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     }
     if let Some(method) = scene.time.method()
         && scene.statics.is_none()
-        && let Some(message) = refused(&method)
+        && let Some(message) = refused(&method, scene)
     {
         problems.push(Problem::new("time.scheme", message));
     }
@@ -243,17 +243,25 @@ fn without(scene: &Scene) -> Vec<Problem> {
 }
 
 /// Returns why a scheme cannot step a scene with contact; `None` if it can.
-fn refused(method: &Method) -> Option<String> {
-    let name = method.label();
-    let advice = "use stormer-verlet, implicit-midpoint or energy-momentum";
-    match method {
-        Method::TruncatedEuler { .. } => Some(format!(
-            "{name} may end a step before surfaces that meet are apart; with [contact] {advice}"
-        )),
-        Method::ForwardEuler | Method::GeneralizedAlpha { .. } => Some(format!(
-            "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
-             compare backward-euler, bdf2 or newmark"
-        )),
-        _ => None,
+fn refused(method: &Method, scene: &Scene) -> Option<String> {
+    if method.facts().accepts.contact {
+        return None;
     }
+    let name = method.label();
+    let advice = match scene.solver.mass {
+        Some(MassKind::Consistent) => "use implicit-midpoint or energy-momentum",
+        _ => "use stormer-verlet, implicit-midpoint or energy-momentum",
+    };
+    let is_constrained = scene.rigids.iter().any(|rigid| !rigid.is_prescribed()) || !scene.joints.is_empty();
+    let comparison =
+        if is_constrained { "backward-euler or bdf2" } else { "backward-euler, bdf2 or newmark" };
+    Some(match method {
+        Method::TruncatedEuler { .. } => {
+            format!("{name} may end a step before surfaces that meet are apart; with [contact] {advice}")
+        }
+        _ => format!(
+            "{name} does not evaluate the end of a step, where surfaces may have crossed; with [contact] {advice}, or to \
+             compare {comparison}"
+        ),
+    })
 }

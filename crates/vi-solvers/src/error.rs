@@ -75,8 +75,8 @@ pub enum SolverError {
     /// A step is too long for the forces of contact at a stage of the scheme.
     #[error(
         "{scheme} does not resolve contact with this step: hω = {product:.3} with the highest frequency ω of the surfaces \
-         that press on each other, of at most {limit}; use a step of at most {longest:.3e} s, or stormer-verlet, \
-         implicit-midpoint or energy-momentum, which need not resolve it"
+         that press on each other, of at most {limit}; use a step of at most {longest:.3e} s, or {schemes}, which \
+         need not resolve it"
     )]
     UnresolvedContact {
         /// Name of the scheme.
@@ -87,6 +87,8 @@ pub enum SolverError {
         product: f64,
         /// The longest step that is accepted at this configuration, s.
         longest: f64,
+        /// Schemes that do not resolve contact.
+        schemes: &'static str,
     },
     /// The straight path of a step would make surfaces pass through each other, and so would every other path that
     /// was tried.

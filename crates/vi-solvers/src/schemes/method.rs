@@ -106,6 +106,9 @@ pub struct Accepts {
     /// Whether the scheme accepts live terms that dissipate: contact with friction or damping. Other schemes take live terms by their
     /// potential alone.
     pub dissipative_terms: bool,
+    /// Whether the end of every step is one that live terms such as contact admit. Other schemes do not look at it, or may end a step
+    /// before their equations are solved; scenes with contact refuse them.
+    pub contact: bool,
 }
 
 const EVERYTHING: Accepts = Accepts {
@@ -113,6 +116,7 @@ const EVERYTHING: Accepts = Accepts {
     constraints: true,
     consistent_mass: true,
     dissipative_terms: true,
+    contact: true,
 };
 
 const POTENTIAL_ONLY: Accepts = Accepts {
@@ -120,6 +124,7 @@ const POTENTIAL_ONLY: Accepts = Accepts {
     constraints: false,
     consistent_mass: false,
     dissipative_terms: false,
+    contact: true,
 };
 
 const SYMPLECTIC: Conserves =
@@ -297,8 +302,17 @@ impl Method {
     ///
     /// # Errors
     /// Returns [`SolverError::Force`], [`SolverError::Constrained`], [`SolverError::ConsistentMass`] or
-    /// [`SolverError::Dissipative`] with the part that it does not accept, and the schemes that do; [`SolverError::FilteredMass`].
+    /// [`SolverError::Dissipative`] with the part that it does not accept, and the schemes that accept the system; [`SolverError::FilteredMass`].
     pub fn check(&self, system: &System) -> Result<(), SolverError> {
+        match self.refusal(system, || Self::accepting(system)) {
+            Some(error) => Err(error),
+            None => self.check_filter(system),
+        }
+    }
+
+    /// Returns the error about the first part of the system that the scheme does not accept, if there is one; `schemes` names those
+    /// that do.
+    fn refusal(&self, system: &System, schemes: impl Fn() -> Box<str>) -> Option<SolverError> {
         let MethodFacts { name: scheme, accepts, .. } = self.facts();
         let (refused, reason) = match accepts.forces {
             AcceptedForces::All => (None, ""),
@@ -309,25 +323,22 @@ impl Method {
             AcceptedForces::None => (system.forces().first(), "has no potential"),
         };
         if let Some(force) = refused {
-            let schemes = Self::accepting(|accepts| accepts.forces == AcceptedForces::All);
-            return Err(SolverError::Force { scheme, force: force.name().to_owned(), reason, schemes });
+            let force = force.name().to_owned();
+            return Some(SolverError::Force { scheme, force, reason, schemes: schemes() });
         }
         if let (Some(constraint), false) = (system.constraints().first(), accepts.constraints) {
             let constraint = constraint.name().to_owned();
-            let schemes = Self::accepting(|accepts| accepts.constraints);
-            return Err(SolverError::Constrained { scheme, constraint, schemes });
+            return Some(SolverError::Constrained { scheme, constraint, schemes: schemes() });
         }
         if system.kinetic().is_some() && !accepts.consistent_mass {
-            let schemes = Self::accepting(|accepts| accepts.consistent_mass);
-            return Err(SolverError::ConsistentMass { scheme, schemes });
+            return Some(SolverError::ConsistentMass { scheme, schemes: schemes() });
         }
         let dissipative = system.terms().live().iter().find(|term| term.dissipates());
         if let (Some(term), false) = (dissipative, accepts.dissipative_terms) {
             let term = term.name().to_owned();
-            let schemes = Self::accepting(|accepts| accepts.dissipative_terms);
-            return Err(SolverError::Dissipative { scheme, term, schemes });
+            return Some(SolverError::Dissipative { scheme, term, schemes: schemes() });
         }
-        self.check_filter(system)
+        None
     }
 
     /// Checks that the scheme can step this system if its mass is filtered.
@@ -337,9 +348,7 @@ impl Method {
             return Ok(());
         }
         if self.splitting().is_none() {
-            let schemes: Vec<_> = Self::ALL.iter().filter(|method| method.splitting().is_some()).collect();
-            let names: Vec<_> = schemes.iter().map(|method| method.name()).collect();
-            return refused(format!("scheme {} (choose one of {})", self.name(), names.join(", ")));
+            return refused(format!("scheme {} (choose one of {})", self.name(), Self::accepting(system)));
         }
         if let Some(force) = system.forces().first() {
             return refused(format!("the force '{}'", force.name()));
@@ -350,12 +359,17 @@ impl Method {
         }
     }
 
-    /// Returns the names of the schemes that accept something, without explicit ones that conserve nothing.
-    fn accepting(accepts: impl Fn(&Accepts) -> bool) -> Box<str> {
-        let is_proposed = |facts: &MethodFacts| {
-            (facts.conserves.angular_momentum || !facts.is_explicit) && accepts(&facts.accepts)
+    /// Returns the names of the schemes that accept a system, without explicit ones that conserve nothing.
+    fn accepting(system: &System) -> Box<str> {
+        let meets = !system.terms().live().is_empty();
+        let is_proposed = |method: &&Self| {
+            let facts = method.facts();
+            (facts.conserves.angular_momentum || !facts.is_explicit)
+                && (facts.accepts.contact || !meets)
+                && (method.splitting().is_some() || system.filter().is_none())
+                && method.refusal(system, Box::default).is_none()
         };
-        let names = Self::ALL.iter().map(Self::facts).filter(is_proposed).map(|facts| facts.name);
+        let names = Self::ALL.iter().filter(is_proposed).map(Self::name);
         names.collect::<Vec<_>>().join(", ").into()
     }
 }

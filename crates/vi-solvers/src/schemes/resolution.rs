@@ -78,6 +78,10 @@ impl Resolution {
             limit: LIMIT,
             product: h * frequency,
             longest: LIMIT / frequency,
+            schemes: match system.kinetic() {
+                Some(_) => "implicit-midpoint or energy-momentum",
+                None => "stormer-verlet, implicit-midpoint or energy-momentum",
+            },
         })
     }
 

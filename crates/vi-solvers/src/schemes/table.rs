@@ -129,7 +129,7 @@ macro_rules! schemes {
                     forces_per_step: 1,
                     stability_limit: Some(0.0),
                     recommended_limit: Some(0.0),
-                    accepts: POTENTIAL_ONLY,
+                    accepts: Accepts { contact: false, ..POTENTIAL_ONLY },
                     ..COMPARISON
                 }
             }
@@ -153,7 +153,7 @@ macro_rules! schemes {
                     made_of: "backward Euler, unfinished",
                     order: 1,
                     conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
-                    accepts: Accepts { dissipative_terms: false, ..EVERYTHING },
+                    accepts: Accepts { dissipative_terms: false, contact: false, ..EVERYTHING },
                     use_when: "looks, at a fixed price",
                     ..COMPARISON
                 }
@@ -192,7 +192,7 @@ macro_rules! schemes {
                 MethodFacts {
                     order: 2,
                     is_symmetric: spectral_radius == 1.0,
-                    accepts: Accepts { dissipative_terms: false, ..COMPARISON.accepts },
+                    accepts: Accepts { dissipative_terms: false, contact: false, ..COMPARISON.accepts },
                     ..COMPARISON
                 }
             }

@@ -220,6 +220,43 @@ fn schemes_that_would_ignore_friction_refuse_it_by_name() {
     }
 }
 
+/// The schemes that a refusal names are those that accept the whole system, and not only the part that is refused.
+#[test]
+fn a_refusal_names_schemes_that_accept_the_system() {
+    let floor = || LiveFloor { count: 20, distance: 0.1, stiffness: 1.0 };
+    let rod = || QuadraticConstraint::distance("rod", &Place::node(0), &Place::node(1), 1.0);
+    let (smooth, rough): (Arc<dyn Live>, Arc<dyn Live>) = (Arc::new(floor()), Arc::new(Rough(floor())));
+    for (live, constraints) in [(&smooth, vec![rod()]), (&rough, vec![rod()]), (&rough, Vec::new())] {
+        let system = strip(false, Vec::new()).0.with_live(vec![Arc::clone(live)]);
+        let system = system.with_constraints(constraints).unwrap();
+        let mut refused = 0;
+        for method in Method::ALL {
+            let schemes = match method.check(&system) {
+                Err(SolverError::Constrained { schemes, .. } | SolverError::Dissipative { schemes, .. }) => {
+                    schemes
+                }
+                other => {
+                    assert!(other.is_ok(), "{other:?}");
+                    continue;
+                }
+            };
+            refused += 1;
+            let all = || Method::ALL.into_iter();
+            for name in schemes.split(", ") {
+                let named = all().find(|method| method.name() == name).unwrap();
+                assert!(named.check(&system).is_ok() && named.facts().accepts.contact, "{schemes}");
+            }
+            // None that conserves momenta is left out.
+            for other in
+                all().filter(|other| other.facts().conserves.angular_momentum && other.check(&system).is_ok())
+            {
+                assert!(schemes.split(", ").any(|name| name == other.name()), "{schemes}");
+            }
+        }
+        assert!(refused > 0);
+    }
+}
+
 /// The first correction falls by a thousand kilometres. Stencils are requested only as far as the floor.
 #[test]
 fn a_far_correction_asks_for_near_stencils() {
