@@ -21,7 +21,7 @@ pub(crate) struct ContactModel {
     pub(crate) term: Arc<ContactTerm>,
     /// For each body of the term, its number among all bodies of the scene, deformable ones first.
     pub(crate) bodies: Vec<usize>,
-    /// The gap (m) that a node has in output if no surface is nearer.
+    /// Distance about nodes in which partners are searched for messages, m.
     pub(crate) farthest_gap: f64,
 }
 

@@ -75,10 +75,17 @@ pub(super) struct ContactAt {
     pub(super) traction: [f64; 3],
     /// Size of the traction on the side where it is larger, Pa: a sheet, or the edge of a body, may be pressed from both sides.
     pub(super) pressure: f64,
-    /// Gap to the opposite surface, at most the farthest gap, m.
+    /// Smallest gap of the pairs that press, m.
     pub(super) gap: f64,
     /// Tangential velocity relative to the nearest opposite surface, m/s.
     pub(super) slip: [f64; 3],
+}
+
+impl ContactAt {
+    /// Returns the contact of a node on which nothing presses.
+    pub(super) fn away(gap: f64) -> Self {
+        Self { gap, ..Self::default() }
+    }
 }
 
 /// The contact forces on the two sides of a node. The pair with the largest force shows which side is which. Pairs that count
@@ -131,7 +138,7 @@ pub(crate) struct ContactWatch {
     bodies: Vec<usize>,
     /// Mean forces over the last step, N.
     forces: Vec<Impulse>,
-    /// The gap of nodes that no surface is near, m.
+    /// Distance about nodes in which partners are searched for messages, m.
     farthest_gap: f64,
     /// The candidates of the last search.
     near: Option<ContactPotential>,
@@ -240,9 +247,14 @@ impl ContactWatch {
         self.term.surface().law(number(first)?, number(second)?)
     }
 
-    /// Returns the gap of nodes that no surface is near, m.
-    pub(super) fn farthest_gap(&self) -> f64 {
-        self.farthest_gap
+    /// Returns the widest layer d̂ of the pairs of a body with this number in the scene, or of all pairs of bodies, m; `None` if there
+    /// are none.
+    pub(super) fn widest_layer(&self, number: Option<usize>) -> Option<f64> {
+        let all = 0..self.bodies.len();
+        let first = all.clone().filter(|&body| number.is_none_or(|number| self.bodies[body] == number));
+        let pairs = first.flat_map(|a| all.clone().map(move |b| [a as u32, b as u32]));
+        let laws = pairs.filter_map(|[a, b]| self.term.surface().law(a, b));
+        laws.map(|law| law.distance).reduce(f64::max)
     }
 
     /// Returns the contact forces on a round rigid body with the skeleton `nodes` at positions x and velocities v of the
@@ -277,11 +289,11 @@ impl ContactWatch {
         presses
     }
 
-    /// Returns the contact at every node of the component at positions x (m) and velocities v (m/s).
+    /// Returns the contact at every node of the component at positions x (m) and velocities v (m/s); gaps of nodes on which nothing
+    /// presses are infinite.
     pub(super) fn fields(&self, x: &[f64], v: &[f64]) -> Vec<ContactAt> {
         let (near, surface) = (self.term.at(x), self.term.surface());
-        let mut all = vec![ContactAt { gap: self.farthest_gap, ..ContactAt::default() }; x.len() / 3];
-        let mut nearest = vec![f64::INFINITY; x.len() / 3];
+        let mut all = vec![ContactAt::away(f64::INFINITY); x.len() / 3];
         let mut sides = vec![Sides::default(); x.len() / 3];
         let active = near.contact().active(x);
         let push = |pair: &ActivePair, k: usize| pair.closest.vector * pair.closest.weights[k];
@@ -297,9 +309,8 @@ impl ContactWatch {
                 let (at, weight) = (&mut all[node as usize], pair.closest.weights[k]);
                 (0..3).for_each(|axis| at.traction[axis] -= gradient[k][axis]);
                 sides[node as usize].add(gradient[k], push(&pair, k));
-                if weight != 0.0 && pair.gap < nearest[node as usize] {
-                    nearest[node as usize] = pair.gap;
-                    at.gap = pair.gap.min(at.gap);
+                if weight != 0.0 && pair.gap < at.gap {
+                    at.gap = pair.gap;
                     at.slip = sliding.map(|value| value * weight.signum());
                 }
             }

@@ -19,7 +19,7 @@ impl Simulation {
                 return self.contact_values_of_round(number, field);
             }
             let nodes = rigid.surface_nodes().collect::<Vec<_>>();
-            self.contact_values_at(rigid.component, &nodes, field)
+            self.contact_values_at((self.bodies.len() + number, rigid.component), &nodes, field)
         });
         bodies.chain(rigids).collect()
     }
@@ -32,11 +32,12 @@ impl Simulation {
         let (points, triangles) = (&form.points, &form.triangles);
         let places = self.carried(number, points);
         let component = &self.components[rigid.component];
+        let layer = self.widest_layer(self.bodies.len() + number);
         let Some(watch) = &component.contact else {
-            return vec![0.0; points.len() * field.component_count()];
+            return of_field(field, points.iter().map(|_| ContactAt::away(layer)));
         };
         let (x, v) = (component.system.positions(&component.state), component.velocities());
-        let mut all = vec![ContactAt { gap: watch.farthest_gap(), ..ContactAt::default() }; points.len()];
+        let mut all = vec![ContactAt::away(layer); points.len()];
         for Press { place, force, gap, slip } in watch.presses(&x, &v, &rigid.surface_nodes()) {
             let square = |k: usize| (0..3).map(|axis| (places[k][axis] - place[axis]).powi(2)).sum::<f64>();
             let nearest = (1..places.len()).fold(0, |a, b| if square(b) < square(a) { b } else { a });
@@ -60,17 +61,33 @@ impl Simulation {
     }
 
     /// Returns a contact field at the nodes of body number `body`.
-    pub(super) fn contact_values_of(&self, body: usize, field: Field) -> Vec<f64> {
-        let body = &self.bodies[body];
+    pub(super) fn contact_values_of(&self, number: usize, field: Field) -> Vec<f64> {
+        let body = &self.bodies[number];
         let nodes: Vec<usize> = (0..body.mesh.points.len()).map(|node| body.node(node)).collect();
-        self.contact_values_at(body.component, &nodes, field)
+        self.contact_values_at((number, body.component), &nodes, field)
     }
 
-    fn contact_values_at(&self, component: usize, nodes: &[usize], field: Field) -> Vec<f64> {
-        let component = &self.components[component];
-        let Some(watch) = &component.contact else { return vec![0.0; nodes.len() * field.component_count()] };
+    /// Returns a contact field at nodes of a body, given its number in the scene and its component.
+    fn contact_values_at(
+        &self,
+        (number, component): (usize, usize),
+        nodes: &[usize],
+        field: Field,
+    ) -> Vec<f64> {
+        let (component, layer) = (&self.components[component], self.widest_layer(number));
+        let Some(watch) = &component.contact else {
+            return of_field(field, nodes.iter().map(|_| ContactAt::away(layer)));
+        };
         let all = watch.fields(&component.system.positions(&component.state), &component.velocities());
-        of_field(field, nodes.iter().map(|&node| all[node]))
+        // The gap of a pair that presses is less than its layer.
+        of_field(field, nodes.iter().map(|&node| ContactAt { gap: all[node].gap.min(layer), ..all[node] }))
+    }
+
+    /// Returns the widest layer d̂ of the pairs that a body forms, m; of all pairs of the scene if it forms none.
+    fn widest_layer(&self, number: usize) -> f64 {
+        let watches = || self.components.iter().filter_map(|component| component.contact.as_ref());
+        let own = watches().filter_map(|watch| watch.widest_layer(Some(number))).reduce(f64::max);
+        own.or_else(|| watches().filter_map(|watch| watch.widest_layer(None)).reduce(f64::max)).unwrap_or(0.0)
     }
 }
 

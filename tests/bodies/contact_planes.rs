@@ -185,3 +185,57 @@ mean = "contact_traction.z"
     let net = last("traction.mean.contact_traction.z");
     assert!(net.abs() < 0.02 * pressure, "{net}");
 }
+
+/// Where nothing presses, the field `gap` is the widest layer of the body's own pairs; a body without pairs has that of the scene.
+#[test]
+fn gaps_of_nodes_without_contact_are_the_layers_of_their_bodies() {
+    let body = |name: &str, cells: usize| {
+        format!(
+            r#"
+[[body]]
+name = "{name}"
+box = {{ size = [0.1, 0.1, 0.1], cells = [{cells}, 1, 1], element = "hex8", origin = [{cells}, 0.0, 0.1] }}
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[probe]]
+name = "{name}"
+body = "{name}"
+max = "gap"
+min = "gap"
+"#
+        )
+    };
+    let scene = format!(
+        r#"
+[time]
+end = 1e-3
+step = 1e-3
+scheme = "implicit-midpoint"
+[contact]
+self = false
+exclude = [["a", "b"], ["a", "c"], ["b", "c"], ["c", "floor"]]
+[[contact.pair]]
+between = ["a", "floor"]
+distance = 1e-3
+[[contact.pair]]
+between = ["b", "floor"]
+distance = 2e-2
+{}{}{}
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+[output]
+history = 1
+"#,
+        body("a", 2),
+        body("b", 1),
+        body("c", 3)
+    );
+    let history = Program::run(&scene).history();
+    for (name, layer) in [("a", 1e-3), ("b", 2e-2), ("c", 2e-2)] {
+        for statistic in ["max", "min"] {
+            let gap = history.last(&format!("{name}.{statistic}.gap"));
+            assert_eq!(gap, layer, "{name}.{statistic}");
+        }
+    }
+}
