@@ -196,14 +196,17 @@ impl EnergyGuard {
         ))
     }
 
-    /// Returns what would have been right, if the guard acted.
+    /// Returns what the guard did last and what would have been right, if it acted.
     fn advice(&self) -> Option<String> {
-        let last = self.events.last()?;
-        let first = self.events.first()?;
+        let GuardEvent { t, relative, action, .. } = self.events.last()?;
+        let times = match self.events.len() {
+            1 => String::new(),
+            count => format!(" {count} times, the last time"),
+        };
         Some(format!(
-            "the energy had grown without a source by {:.1e} of what motion and deformation received at t = {:e} s; \
-             the run went back and continued {}. Use such a step from the start, or scheme = \"energy-momentum\"",
-            first.relative, first.t, last.action
+            "the energy had grown without a source{times} by {relative:.1e} of what motion and deformation received at \
+             t = {t:e} s; the run went back and continued {action}. Use such a step from the start, or scheme = \
+             \"energy-momentum\""
         ))
     }
 

@@ -157,6 +157,23 @@ fn energy_from_nowhere_never_passes_in_silence() {
     }
 }
 
+/// The note on a guard that acted more than once tells the last time: growth, time and action of one event.
+#[test]
+fn the_note_on_the_guard_tells_one_event() {
+    let scene =
+        RINGING.replace("SCHEME", "stormer-verlet").replace("LAW", "linear").replace("2.2e-3", "4.4e-3");
+    let report = Program::run(&scene.replace("GUARD", "[guard]\naction = \"halve\"")).report();
+    let events = report["guard"]["events"].as_array().unwrap();
+    assert!(events.len() > 1, "{events:?}");
+    let last = events.last().unwrap();
+    let number = |key: &str| last[key].as_f64().unwrap();
+    let note = report["notes"].to_string();
+    let (relative, t) =
+        (format!("the last time by {:.1e} of", number("relative")), format!("at t = {:e} s;", number("t")));
+    assert!(note.contains(&relative) && note.contains(&t), "{last} {note}");
+    assert!(note.contains(last["action"].as_str().unwrap()), "{last} {note}");
+}
+
 /// A bound that the scene states is no laxer than the default: a scheme of order 1 is judged from the third step on, by 4/n after n steps
 /// until that is below the bound.
 #[test]
