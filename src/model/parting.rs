@@ -18,14 +18,14 @@ use crate::scene::Scene;
 /// and fails with 4e-6 d̂.
 pub(super) const THINNEST: f64 = 1e-4;
 
-/// A body that was translated before the start.
+/// A body, or bodies that are joined, which were translated before the start.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Parted {
-    /// Number of the body in the scene; rigid ones follow the others.
-    pub(crate) body: usize,
+    /// Numbers of the bodies in the scene; rigid ones follow the others.
+    pub(crate) bodies: Vec<usize>,
     /// Translation, m.
     pub(crate) by: [f64; 3],
-    /// Change of the potential energy of its component, J.
+    /// Change of the potential energy of their component, J.
     pub(crate) energy: f64,
 }
 
@@ -237,19 +237,13 @@ impl Start<'_> {
                 }
             }
             let change = energy(&self.system.positions(state)) - before;
-            let entries = group.iter().map(|&part| Parted {
-                body: self.parts[part].0,
-                by: way.into(),
-                energy: if part == mover { change } else { 0.0 },
-            });
-            for entry in entries {
-                match parted.iter_mut().find(|known| known.body == entry.body) {
-                    Some(known) => {
-                        (0..3).for_each(|k| known.by[k] += entry.by[k]);
-                        known.energy += entry.energy;
-                    }
-                    None => parted.push(entry),
+            let bodies: Vec<usize> = group.iter().map(|&part| self.parts[part].0).collect();
+            match parted.iter_mut().find(|known| known.bodies == bodies) {
+                Some(known) => {
+                    (0..3).for_each(|k| known.by[k] += way[k]);
+                    known.energy += change;
                 }
+                None => parted.push(Parted { bodies, by: way.into(), energy: change }),
             }
         }
         Err("separating one pair brings another one together again".to_owned())

@@ -34,11 +34,15 @@ impl Simulation {
         let overlaps = self.meeting.overlapping().map(|(a, b)| {
             format!("'{}' and '{}' are joined and cross where they start: they do not meet", name(a), name(b))
         });
-        let moves = self.parted.iter().map(|Parted { body, by: [x, y, z], energy }| {
+        let moves = self.parted.iter().map(|Parted { bodies, by: [x, y, z], energy }| {
+            let names: Vec<String> = bodies.iter().map(|&body| format!("'{}'", name(body))).collect();
+            let who = match names.as_slice() {
+                [one] => format!("{one} was moved"),
+                all => format!("{}, which are joined, were moved together", all.join(", ")),
+            };
             format!(
-                "'{}' was moved by ({x:.3e}, {y:.3e}, {z:.3e}) m before the start, so that it does not touch; potential \
-                 energy changed by {energy:.3e} J, and the energy balance begins after that",
-                name(*body)
+                "{who} by ({x:.3e}, {y:.3e}, {z:.3e}) m before the start, so that nothing touches; potential energy \
+                 changed by {energy:.3e} J, and the energy balance begins after that"
             )
         });
         let is_idle =
@@ -81,10 +85,9 @@ impl Simulation {
                 Some(reason) => *skipped.entry(reason).or_default() += 1,
             }
         }
-        let parted = self.parted.iter().map(|Parted { body, by, energy }| {
-            serde_json::json!({
-                "body": model::name_of(&self.scene, *body), "moved_by": by, "potential_energy": energy,
-            })
+        let parted = self.parted.iter().map(|Parted { bodies, by, energy }| {
+            let names: Vec<&str> = bodies.iter().map(|&body| model::name_of(&self.scene, body)).collect();
+            serde_json::json!({ "bodies": names, "moved_by": by, "potential_energy": energy })
         });
         let smallest_gap = Some(self.contact.smallest_gap).filter(|gap| gap.is_finite());
         serde_json::json!({

@@ -320,7 +320,7 @@ position = [0.45, 0.52, 0.5]
         let report = Program::run(&parted).report();
         let moved = &report["contact"]["parted_at_start"][0];
         // The shortest way out is to the left, by 0.45 m and half of the stone's size.
-        assert_eq!(moved["body"], "stone");
+        assert_eq!(moved["bodies"][0], "stone");
         let by = moved["moved_by"][0].as_f64().unwrap();
         assert!((-0.51..-0.49).contains(&by), "{moved}");
     }
@@ -349,7 +349,8 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
         .as_array()
         .unwrap()
         .iter()
-        .map(|moved| moved["body"].as_str().unwrap())
+        .flat_map(|moved| moved["bodies"].as_array().unwrap())
+        .map(|name| name.as_str().unwrap())
         .collect();
     assert!(names.contains(&"brick"), "{names:?}");
     let held = sunk
@@ -358,6 +359,51 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     let program = Program::try_run(&held, &[]);
     assert_eq!(program.code(), Some(2));
     assert!(program.errors().contains("neither 'block' nor 'floor' can be moved"), "{}", program.errors());
+}
+
+/// Joined bodies are moved together, and the potential energy that this takes is that of all of them.
+#[test]
+fn joined_bodies_are_parted_as_one() {
+    let program = Program::run(
+        r#"
+gravity = [0.0, 0.0, -9.81]
+[time]
+end = 1e-3
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+resolve = true
+[[rigid]]
+name = "lower"
+shape = { kind = "box", size = [0.1, 0.1, 0.1] }
+mass = 2.0
+position = [0.0, 0.0, 0.03]
+[[rigid]]
+name = "upper"
+shape = { kind = "box", size = [0.1, 0.1, 0.1] }
+mass = 3.0
+position = [0.0, 0.0, 0.2]
+[[joint]]
+kind = "ball"
+body = "lower"
+to = "upper"
+point = [0.0, 0.0, 0.1]
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+fixed = true
+"#,
+    );
+    let report = program.report();
+    let parted = report["contact"]["parted_at_start"].as_array().unwrap();
+    assert_eq!(parted.len(), 1);
+    assert_eq!(parted[0]["bodies"], serde_json::json!(["lower", "upper"]));
+    let (by, energy) = (&parted[0]["moved_by"][2], &parted[0]["potential_energy"]);
+    assert!(
+        (energy.as_f64().unwrap() / (5.0 * 9.81 * by.as_f64().unwrap()) - 1.0).abs() < 1e-12,
+        "{}",
+        parted[0]
+    );
 }
 
 /// Bodies that are joined by a hinge or an attachment have contact everywhere except at the joint.
