@@ -11,7 +11,7 @@ use vi_mesh::{Mesh, Numbering};
 
 use super::body::{BodyModel, NodeSet, ProbeTarget};
 use super::component::ComponentBuilder;
-use super::contact::{ContactModel, Surfaces, contact};
+use super::contact::{ContactModel, Stitch, Surfaces, contact};
 use super::import::Imported;
 use super::matter::{self, Edges};
 use super::meeting::Meeting;
@@ -146,7 +146,7 @@ struct Parts {
     notes: Vec<String>,
     problems: Vec<Problem>,
     /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
-    stitches: Vec<(usize, u32, Vec<u32>)>,
+    stitches: Vec<Stitch>,
 }
 
 impl Parts {
@@ -271,7 +271,13 @@ impl Parts {
                 if let (Anchor::Nodes(weights), Some(to)) = (&mut tie.anchor, set.to) {
                     weights.iter_mut().for_each(|(node, _)| *node = self.node(to, *node));
                     let others = weights.iter().map(|&(node, _)| node).collect();
-                    self.stitches.push((self.bodies[set.body.index()].component, tie.node, others));
+                    let component = self.bodies[set.body.index()].component;
+                    self.stitches.push(Stitch {
+                        component,
+                        node: tie.node,
+                        others,
+                        is_spring: !set.is_exact,
+                    });
                 }
             }
             let component = &mut self.components[self.bodies[set.body.index()].component];

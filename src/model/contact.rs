@@ -23,6 +23,8 @@ pub(crate) struct ContactModel {
     pub(crate) bodies: Vec<usize>,
     /// Distance about nodes in which partners are searched for messages, m.
     pub(crate) farthest_gap: f64,
+    /// Numbers of two bodies in the scene, and how many pairs of their parts do not meet because springs sew them together.
+    pub(crate) sewn: Vec<([usize; 2], usize)>,
 }
 
 impl ContactModel {
@@ -84,8 +86,19 @@ pub(super) struct Surfaces<'a> {
     pub(super) rest: &'a [[f64; 3]],
     /// Pairs of periodic nodes, each with the number of its table in the scene.
     pub(super) periodic: &'a [((u32, u32), usize)],
-    /// Nodes that attachments and seams join to others: component, node, and the nodes that it is joined to.
-    pub(super) stitches: &'a [(usize, u32, Vec<u32>)],
+    /// What attachments and seams join.
+    pub(super) stitches: &'a [Stitch],
+}
+
+/// A node that is joined to others.
+pub(super) struct Stitch {
+    /// Number of the component.
+    pub(super) component: usize,
+    pub(super) node: u32,
+    /// The nodes that it is joined to.
+    pub(super) others: Vec<u32>,
+    /// Whether a spring joins them, so that they need not be at the same place.
+    pub(super) is_spring: bool,
 }
 
 /// Returns the contact of component number `component`; `None` if nothing in it can meet. Records joined bodies that
@@ -130,10 +143,11 @@ pub(super) fn contact(
             (widest, widest)
         }
     };
+    let stitches = || surfaces.stitches.iter().filter(|stitch| stitch.component == component);
     let term = |x: &[f64]| {
         let mut builder = builder(contact, &parts, rest, may_meet);
         builder.start(x);
-        for (_, node, others) in surfaces.stitches.iter().filter(|stitch| stitch.0 == component) {
+        for Stitch { node, others, .. } in stitches() {
             others.iter().for_each(|&other| builder.stitch(*node, other));
         }
         for (i, a) in parts.iter().enumerate() {
@@ -189,7 +203,12 @@ pub(super) fn contact(
         let thinner = found.with_distances(&near, &x).map_err(|error| wrong(error.to_string()))?;
         found = Arc::new(thinner);
     }
-    Ok(Some(ContactModel { term: found, bodies: numbers, farthest_gap }))
+    let springs = stitches().filter(|stitch| stitch.is_spring);
+    let sewn: Vec<[u32; 2]> =
+        springs.flat_map(|stitch| stitch.others.iter().map(|&other| [stitch.node, other])).collect();
+    let sewn = found.surface().stitched_pairs(&sewn).into_iter();
+    let sewn = sewn.map(|(pair, count)| (pair.map(|body| numbers[body as usize]), count)).collect();
+    Ok(Some(ContactModel { term: found, bodies: numbers, farthest_gap, sewn }))
 }
 
 /// Records the joined pairs whose surfaces cross at positions x: a bolt in a block that holds it does not meet the

@@ -140,14 +140,16 @@ pub(crate) struct ContactWatch {
     forces: Vec<Impulse>,
     /// Distance about nodes in which partners are searched for messages, m.
     farthest_gap: f64,
+    /// Numbers of two bodies in the scene, and how many pairs of their parts do not meet because springs sew them together.
+    sewn: Vec<([usize; 2], usize)>,
     /// The candidates of the last search.
     near: Option<ContactPotential>,
 }
 
 impl ContactWatch {
     pub(crate) fn new(model: ContactModel) -> Self {
-        let ContactModel { term, bodies, farthest_gap } = model;
-        Self { term, bodies, forces: Vec::new(), farthest_gap, near: None }
+        let ContactModel { term, bodies, farthest_gap, sewn } = model;
+        Self { term, bodies, forces: Vec::new(), farthest_gap, sewn, near: None }
     }
 
     /// Returns the number of active pairs at positions x of the component, and their smallest gap, m.
@@ -205,6 +207,12 @@ impl ContactWatch {
             (0..3).for_each(|k| sum[k] += sign * value[k]);
         }
         sum
+    }
+
+    /// Returns pairs of bodies of which springs sew parts together, by their numbers in the scene, with the number of pairs of parts that
+    /// do not meet therefore.
+    pub(super) fn sewn(&self) -> &[([usize; 2], usize)] {
+        &self.sewn
     }
 
     /// Returns the number in the scene of a body of the term.

@@ -51,7 +51,18 @@ impl Simulation {
             "nothing can meet, so that [contact] has no effect: `variational info` names the reason for each pair of bodies"
                 .to_owned()
         });
-        let notes: Vec<String> = overlaps.chain(moves).chain(idle).collect();
+        let watches = self.components.iter().filter_map(|component| component.contact.as_ref());
+        let sewn = watches.flat_map(ContactWatch::sewn).map(|&([a, b], count)| {
+            let who = match a == b {
+                true => format!("'{}'", name(a)),
+                false => format!("'{}' and '{}'", name(a), name(b)),
+            };
+            format!(
+                "stitches of `stiffness` keep {count} pairs of points with faces and of edges of {who} out of contact: surfaces may \
+                 cross there, and `check-frames` counts it"
+            )
+        });
+        let notes: Vec<String> = overlaps.chain(moves).chain(idle).chain(sewn).collect();
         self.notes.extend(notes);
     }
 
@@ -76,6 +87,7 @@ impl Simulation {
             return serde_json::Value::Null;
         }
         let systems = self.components.iter().filter_map(|component| component.contact.as_ref());
+        let sewn: usize = systems.clone().flat_map(ContactWatch::sewn).map(|(_, count)| count).sum();
         let systems: Vec<_> = systems.map(ContactWatch::report).collect();
         let mut searched = 0;
         let mut skipped: BTreeMap<&str, usize> = BTreeMap::new();
@@ -93,7 +105,7 @@ impl Simulation {
         serde_json::json!({
             "smallest_gap": smallest_gap, "pairs_of_bodies_searched": searched,
             "pairs_of_bodies_skipped": skipped.values().sum::<usize>(), "reasons_to_skip": skipped,
-            "systems": systems,
+            "pairs_of_parts_sewn_by_springs": sewn, "systems": systems,
             "parted_at_start": parted.collect::<Vec<_>>(),
         })
     }

@@ -145,6 +145,20 @@ point = [{}, 1.0, 0.0]
     )
 }
 
+/// Sheets that springs sew together may cross at the stitches: a note and report.json tell how many pairs of parts do not meet there.
+#[test]
+fn stitches_of_springs_tell_what_they_exclude_from_contact() {
+    let seam = "region = \"x-max\"\nto_region = \"x-min\"";
+    let scene = panels([2, 2], 0.1, seam)
+        .replace("[[seam]]", "[contact]\n[[seam]]")
+        .replace("end = 0.4", "end = 5e-4");
+    let program = Program::run(&scene);
+    let count = program.report()["contact"]["pairs_of_parts_sewn_by_springs"].as_u64().unwrap();
+    let note =
+        format!("keep {count} pairs of points with faces and of edges of 'left' and 'right' out of contact");
+    assert!(count > 0 && program.errors().contains(&note), "{}", program.errors());
+}
+
 #[test]
 fn a_seam_of_unequal_edges_has_no_force_where_they_meet_and_pulls_where_they_do_not() {
     let curves = "region = \"x-max\"\nto_region = \"x-min\"";

@@ -12,6 +12,7 @@ mod edge_pair;
 mod half_space;
 mod law;
 mod order;
+mod stitched;
 mod topology;
 
 pub use build::SurfaceBuilder;
