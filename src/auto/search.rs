@@ -167,7 +167,7 @@ impl<'a> Search<'a> {
                 self.is_exhausted |= self.left() <= 0.0;
                 Ok(Err(NoTrial::OutOfBudget))
             }
-            Err(TrialError::Failed(_)) => Ok(Err(NoTrial::Failed)),
+            Err(TrialError::Failed(_) | TrialError::Refused(_)) => Ok(Err(NoTrial::Failed)),
         }
     }
 

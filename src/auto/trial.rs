@@ -100,6 +100,9 @@ pub enum TrialError {
     /// A step failed, or the energy exceeded all bounds.
     #[error("{0}")]
     Failed(String),
+    /// The scheme does not accept the scene, whatever the step.
+    #[error("{0}")]
+    Refused(String),
     /// The trial exceeded its limit.
     #[error("out of time at t = {t:.3e} s")]
     OutOfTime {
@@ -137,8 +140,10 @@ pub fn run(
     // A trial shows the result of the scheme itself, so failed steps are not divided.
     let mut scene = scene;
     scene.time.substeps = false;
-    let mut simulation = Simulation::new(scene)
-        .map_err(|problems| TrialError::Failed(problems.iter().map(ToString::to_string).collect()))?;
+    let mut simulation = Simulation::new(scene).map_err(|problems| {
+        let all: Vec<String> = problems.iter().map(ToString::to_string).collect();
+        TrialError::Refused(all.join("; "))
+    })?;
     let place = |fraction: f64| (simulation.step_count() as f64 * fraction).round() as u64;
     let begin = place(stretch.start).min(simulation.step_count() - 1);
     let count = (place(stretch.end) - begin).max(1);

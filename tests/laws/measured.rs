@@ -86,6 +86,23 @@ fn a_combination_that_fails_is_a_row() {
     assert!(report.recommended.is_some(), "{}", report.recommendation);
 }
 
+/// A scheme that refuses the scene is one row, whatever the step.
+#[test]
+fn a_scheme_that_refuses_is_one_row() {
+    let damping = Damping { mass_rate: 1.0, ..Damping::default() };
+    let time = Time::new(0.1, 0.01, SchemeName::ImplicitMidpoint);
+    let scene = cantilever(1, time, Law::NeoHookean(SOFT)).damping(damping);
+    let schemes = ["blanes-moan-4", "blanes-moan-6", "implicit-midpoint"].map(str::to_owned).to_vec();
+    let options = BenchOptions { budget: Duration::from_secs(1), schemes, ..BenchOptions::default() };
+    let report = bench(&scene, &options, &mut ()).unwrap();
+    for scheme in ["blanes-moan-4", "blanes-moan-6"] {
+        let rows: Vec<_> = report.rows.iter().filter(|row| row.scheme == scheme).collect();
+        assert_eq!(rows.len(), 1, "{}", report.table());
+        assert!(rows[0].failure.as_ref().unwrap().contains("depends on velocity"), "{}", report.table());
+    }
+    assert!(report.rows.iter().filter(|row| row.scheme == "implicit-midpoint").count() > 2);
+}
+
 #[test]
 fn auto_holds_its_tolerance() {
     for law in [Law::NeoHookean(SOFT), Law::StVenantKirchhoff(SOFT)] {

@@ -118,8 +118,8 @@ impl Sweep<'_> {
         self.budget.mul_f64(share).saturating_sub(self.begin.elapsed())
     }
 
-    /// Runs one combination and adds its row.
-    fn enter(&mut self, choice: Choice) {
+    /// Runs one combination and adds its row. Returns whether the scheme refuses the scene.
+    fn enter(&mut self, choice: Choice) -> bool {
         let left = self.left(ROWS_SHARE);
         let spent = self.begin.elapsed().as_secs_f64() / self.budget.as_secs_f64();
         self.watch.next(&format!("{} in {} steps", choice.label(), choice.steps), spent, left);
@@ -127,11 +127,13 @@ impl Sweep<'_> {
         match &done {
             Ok(trial) => self.account(trial),
             // An unfinished run gives no row.
-            Err(TrialError::Stopped) => return,
+            Err(TrialError::Stopped) => return false,
             Err(_) => {}
         }
+        let is_refused = matches!(done, Err(TrialError::Refused(_)));
         let row = self.row(choice, done);
         self.rows.push(row);
+        is_refused
     }
 
     fn account(&mut self, trial: &Trial) {
@@ -182,7 +184,9 @@ impl Sweep<'_> {
                 break;
             };
             let choice = ladder.next;
-            self.enter(choice);
+            if self.enter(choice) {
+                ladder.predicted = f64::INFINITY;
+            }
             let Some(row) = self.rows.last() else { break };
             match (row.error, row.seconds) {
                 (Some(error), Some(seconds)) => {
