@@ -37,6 +37,14 @@ impl NodalFix<'_> {
         })
     }
 
+    /// Returns whether both fixes move a node in the same way along these directions, or both hold it still.
+    fn agrees_with(&self, other: &Self, along: &[[f64; 3]]) -> bool {
+        let is_still =
+            |fix: &Fix, direction| fix.motion.as_ref().is_none_or(|motion| motion.is_still_along(direction));
+        self.fix.motion == other.fix.motion
+            || along.iter().all(|&direction| is_still(self.fix, direction) && is_still(other.fix, direction))
+    }
+
     fn directions_of(&self, position: usize) -> Vec<[f64; 3]> {
         match self.directions {
             Some(directions) => directions[position].clone(),
@@ -108,7 +116,7 @@ fn hold_along_axes(
                         owner.insert(dof, i);
                         named.push((i, number, node, axis));
                     }
-                    Some(&other) if fixes[other].fix.motion == nodal.fix.motion => {}
+                    Some(&other) if fixes[other].agrees_with(nodal, &[of_axis(axis)]) => {}
                     Some(&other) => return Err(conflict(nodal, node, &format!("{axis:?}"), &fixes[other])),
                 }
             }
@@ -117,7 +125,7 @@ fn hold_along_axes(
     for (i, number, node, axis) in named {
         if let Some(leader) = followers.get(&number) {
             let its = owner.get(&(3 * leader + axis as u32));
-            if its.is_some_and(|&its| fixes[its].fix.motion == fixes[i].fix.motion) {
+            if its.is_some_and(|&its| fixes[its].agrees_with(&fixes[i], &[of_axis(axis)])) {
                 continue;
             }
             return Err(lone_follower(&fixes[i], node));
@@ -157,7 +165,7 @@ fn hold_along_directions(
         if let Some(leader) = followers.get(&number) {
             let same = |a: &[([f64; 3], usize)], b: &[([f64; 3], usize)]| {
                 let agree = |(a, i): &([f64; 3], usize), (b, j): &([f64; 3], usize)| {
-                    dot(*a, *b) > 1.0 - ACROSS && fixes[*i].fix.motion == fixes[*j].fix.motion
+                    dot(*a, *b) > 1.0 - ACROSS && fixes[*i].agrees_with(&fixes[*j], &[*a, *b])
                 };
                 a.len() == b.len() && a.iter().zip(b).all(|(a, b)| agree(a, b))
             };
@@ -182,7 +190,7 @@ fn span(held: &[([f64; 3], usize, u32)], fixes: &[NodalFix]) -> Result<Vec<([f64
         let mut rest = direction;
         for (axis, other) in &basis {
             let product = dot(direction, *axis);
-            if product.abs() > ACROSS && fixes[*other].fix.motion != fixes[i].fix.motion {
+            if product.abs() > ACROSS && !fixes[*other].agrees_with(&fixes[i], &[direction, *axis]) {
                 return Err(conflict(&fixes[i], node, &format!("{direction:?}"), &fixes[*other]));
             }
             let product = dot(rest, *axis);

@@ -54,6 +54,54 @@ fn load(json: serde_json::Value) -> Load {
     serde_json::from_value(json).unwrap()
 }
 
+/// Two fixes may hold the same axis of a node, if neither moves it along this axis.
+#[test]
+fn fixes_that_hold_an_axis_still_agree() {
+    let scene = |axes: &str, motion: &str| {
+        format!(
+            r#"
+[time]
+end = 0.02
+step = 1e-3
+scheme = "implicit-midpoint"
+[[body]]
+name = "block"
+box = {{ size = [0.4, 0.2, 0.2], cells = [2, 1, 1], element = "hex8" }}
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "block"
+region = "x-min"
+axes = ["x", "y"]
+[[fix]]
+body = "block"
+region = "x-min"
+axes = [{axes}]
+motion = {motion}
+[output]
+history = 1
+"#
+        )
+    };
+    for motion in [
+        r#"{ kind = "translate", velocity = [0.0, 0.0, 0.5] }"#,
+        r#"{ kind = "sine", amplitude = [0.0, 0.0, 0.01], frequency = 20.0 }"#,
+        r#"{ kind = "table", times = [0.0, 0.01], displacements = [[0, 0, 0], [0, 0, 0.01]] }"#,
+    ] {
+        let alone = Program::run(&scene(r#""z""#, motion)).history();
+        let shared = Program::run(&scene(r#""x", "y", "z""#, motion)).history();
+        for name in ["kinetic", "elastic", "total", "pz"] {
+            assert_eq!(alone.column(name), shared.column(name), "{motion}: {name}");
+        }
+        assert!(alone.last("elastic") > 0.0);
+        let moved = motion
+            .replace("[0.0, 0.0, 0.5]", "[0.1, 0.0, 0.5]")
+            .replace("[0.0, 0.0, 0.01]", "[0.1, 0.0, 0.01]");
+        let moved = moved.replace("[0, 0, 0.01]", "[0.1, 0, 0.01]");
+        let program = Program::try_run(&scene(r#""x", "z""#, &moved), &[]);
+        assert!(program.errors().contains("with another motion than fix[0]"), "{}", program.errors());
+    }
+}
+
 /// The reactions balance an applied total force and moment, on every kind of facet.
 #[test]
 fn reactions_balance_a_total_force_and_moment() {

@@ -207,6 +207,18 @@ impl Motion {
         }
     }
 
+    /// Returns whether no point ever moves along `direction`, which may have any length. The motion of a program is not known to be
+    /// still.
+    pub fn is_still_along(&self, direction: [f64; 3]) -> bool {
+        match self {
+            Self::Translate(motion) => dot(motion.velocity, direction) == 0.0,
+            Self::Rotate(motion) => motion.rate == 0.0 || cross(motion.axis, direction) == [0.0; 3],
+            Self::Sine(motion) => dot(motion.amplitude, direction) == 0.0,
+            Self::Table(table) => table.displacements.iter().all(|&u| dot(u, direction) == 0.0),
+            Self::Own(_) => false,
+        }
+    }
+
     /// Returns a direction fixed to the moving body at time t (s); `direction` is its value at the start.
     pub fn turned(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
         match self {
