@@ -254,14 +254,15 @@ impl Simulation {
         (rigid, &self.components[rigid.component])
     }
 
-    /// Returns the reaction forces at the prescribed coordinates of body number `body`, N; zero elsewhere.
+    /// Returns the reaction forces at the prescribed coordinates of body number `body`, N; zero elsewhere. Contact counts with its forces
+    /// over the last step, with friction and damping ([`vi_solvers::reactions`]).
     pub fn reactions(&self, body: usize) -> Vec<[f64; 3]> {
         self.supports(body).to_vec()
     }
 
     /// Returns the same reactions in the numbering of the component, without a copy in that of the body.
     pub(crate) fn supports(&self, body: usize) -> OfNodes<'_> {
-        self.of_nodes(body, |component| reactions(component))
+        self.of_nodes(body, reactions)
     }
 
     /// Returns the centre (m) of rigid body number `rigid`, which is fixed or moved, and the force (N) and the moment about its centre
