@@ -54,6 +54,8 @@ pub struct Coordinates {
     combinations: Option<Combinations>,
     /// Directors, ascending: nodes that translations do not move.
     directors: Vec<u32>,
+    /// For each node, how far places move per unit of its own motion; empty if there are no directors.
+    levers: Vec<f64>,
 }
 
 impl Coordinates {
@@ -61,7 +63,15 @@ impl Coordinates {
     pub fn all_free(dof_count: usize) -> Self {
         let free = (0..dof_count as u32).collect();
         let (prescribed, axes) = (Vec::new(), AllNodeAxes::default());
-        Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() }
+        Self {
+            dof_count,
+            free,
+            prescribed,
+            axes,
+            combinations: None,
+            directors: Vec::new(),
+            levers: Vec::new(),
+        }
     }
 
     /// Returns coordinates that are free, in ascending order, except for those in a path of `prescribed`.
@@ -85,7 +95,15 @@ impl Coordinates {
         let mut free = Vec::with_capacity(is_free.iter().filter(|&&is_free| is_free).count());
         free.extend((0..dof_count as u32).filter(|&dof| is_free[dof as usize]));
         let axes = AllNodeAxes::default();
-        Ok(Self { dof_count, free, prescribed, axes, combinations: None, directors: Vec::new() })
+        Ok(Self {
+            dof_count,
+            free,
+            prescribed,
+            axes,
+            combinations: None,
+            directors: Vec::new(),
+            levers: Vec::new(),
+        })
     }
 
     /// Returns a copy in which some nodes have their own axes: coordinate k of such a node, free or prescribed, is
@@ -123,6 +141,7 @@ impl Coordinates {
         }
         self.directors = (0..node_count as u32).filter(|&node| is_director[node as usize]).collect();
         if combinations.is_empty() {
+            self.levers = self.measured_levers();
             return Ok(self);
         }
         let tied = Combinations::new(node_count, combinations, &is_director)?;
@@ -135,7 +154,35 @@ impl Coordinates {
         }
         self.free.retain(|&dof| tied.of(dof / 3).is_none());
         self.combinations = Some(tied);
+        self.levers = self.measured_levers();
         Ok(self)
+    }
+
+    fn measured_levers(&self) -> Vec<f64> {
+        if self.directors.is_empty() {
+            return Vec::new();
+        }
+        let mut levers = vec![1.0; self.dof_count / 3];
+        self.directors.iter().for_each(|&node| levers[node as usize] = 0.0);
+        for (node, weight) in self.combinations().flat_map(|(_, terms)| terms.iter().copied()) {
+            if self.is_director(node) {
+                levers[node as usize] = f64::max(levers[node as usize], weight.abs());
+            }
+        }
+        levers
+    }
+
+    /// Returns how far places move at most per unit of the motion of a node: 1 for a point, and for a director, whose numbers are
+    /// not lengths, the largest weight (m) with which points follow it; 0 if none does.
+    pub fn lever(&self, node: u32) -> f64 {
+        self.levers.get(node as usize).copied().unwrap_or(1.0)
+    }
+
+    /// Returns how far places move at most along one axis if the free coordinates change by these numbers, m. Of several stages, the numbers
+    /// follow each other.
+    pub fn farthest(&self, changes: impl ExactSizeIterator<Item = f64>) -> f64 {
+        let levers = self.free.iter().map(|dof| self.lever(dof / 3)).cycle();
+        changes.zip(levers).map(|(change, lever)| lever * change.abs()).fold(0.0, f64::max)
     }
 
     /// Returns whether x(q, t) only copies entries: no node is tied and none has its own axes.
@@ -245,6 +292,7 @@ impl Coordinates {
             axes: self.axes.clone(),
             combinations: self.combinations.clone(),
             directors: self.directors.clone(),
+            levers: self.levers.clone(),
         }
     }
 

@@ -8,7 +8,6 @@ use crate::error::SolverError;
 use crate::newton::budget::Budget;
 use crate::newton::inverse::{Inverse, Reason};
 use crate::newton::start::Start;
-use crate::vectors;
 use crate::work::Work;
 
 /// Equations R(w) = 0 with a symmetric positive definite model A ≈ ∂R/∂w.
@@ -152,7 +151,7 @@ impl<'a, E: Equations> Solve<'a, E> {
     fn sensible_part(&mut self) -> f64 {
         let longest = self.equations.longest_correction(self.evaluator);
         let delta = self.equations.correction().0;
-        (longest / vectors::max_abs(delta.len(), |k| delta[k])).min(1.0)
+        (longest / self.system.coordinates().farthest(delta.iter().copied())).min(1.0)
     }
 
     /// Factors the model at the last evaluation of the forces.

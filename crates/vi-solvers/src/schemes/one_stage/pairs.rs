@@ -202,13 +202,13 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         let mut delta = std::mem::take(&mut self.stage.correction);
         let whole = if is_uniform { delta.clone() } else { Vec::new() };
         let mut is_whole = true;
-        let free = self.system.coordinates().free();
+        let coordinates = self.system.coordinates();
         let mut first = 0;
-        for node in free.chunk_by(|a, b| a / 3 == b / 3) {
+        for node in coordinates.free().chunk_by(|a, b| a / 3 == b / 3) {
             let values = &mut delta[first..first + node.len()];
             first += node.len();
-            let length =
-                self.stage.end_per_stage * values.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let norm = values.iter().map(|value| value * value).sum::<f64>().sqrt();
+            let length = self.stage.end_per_stage * coordinates.lever(node[0] / 3) * norm;
             if length > longest {
                 values.iter_mut().for_each(|value| *value *= longest / length);
                 is_whole = false;

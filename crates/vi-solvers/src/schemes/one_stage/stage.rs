@@ -337,9 +337,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             return f64::INFINITY;
         }
         let Stage { offset, w, residual, .. } = &*self.stage;
-        let (mass, count) = (self.system.free_mass(), offset.len());
-        let motion = vectors::max_abs(count, |k| offset[k].abs().max((offset[k] + w[k]).abs()));
-        let pushed = vectors::max_abs(count, |k| residual[k] / mass[k]);
+        let (mass, coordinates) = (self.system.free_mass(), self.system.coordinates());
+        let motion = (0..offset.len()).map(|k| offset[k].abs().max((offset[k] + w[k]).abs()));
+        let pushed = residual.iter().zip(mass).map(|(residual, mass)| residual / mass);
+        let [motion, pushed] = [coordinates.farthest(motion), coordinates.farthest(pushed)];
         let bound = (3.0_f64.sqrt() * 2.0 * pushed).min(REACHES * reach);
         3.0_f64.sqrt() * FARTHEST * motion + bound
     }
