@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use vi_contact::{ContactTerm, Gap, PairRule, RollingTerm, SurfaceBuilder, median_edge};
 use vi_core::{Live, State, System};
+use vi_mesh::Bounds;
 
 use super::cuts::Cuts;
 use super::extent::extent;
@@ -58,6 +59,18 @@ struct Part {
     stiffness: Option<f64>,
     /// Pressure that a rigid body is expected to exert, Pa.
     pressure: f64,
+}
+
+impl Part {
+    /// Returns the box around it at positions x, m; empty for a half-space.
+    fn bounds(&self, x: &[f64]) -> Bounds {
+        let nodes = self.triangles.as_flattened().iter().chain(&self.skeleton.0);
+        let place = |node: &u32| [0, 1, 2].map(|k| x[3 * *node as usize + k]);
+        let mut bounds = Bounds::of(nodes.map(place));
+        bounds.low.iter_mut().for_each(|low| *low -= self.radius);
+        bounds.high.iter_mut().for_each(|high| *high += self.radius);
+        bounds
+    }
 }
 
 /// Defaults: d̂ as a fraction of the median edge of a surface or of the thickness of a rigid body, and κ as a fraction
@@ -115,10 +128,9 @@ pub(super) fn contact(
     let Surfaces { bodies, rigids, .. } = *surfaces;
     let wrong = |message: String| Problem::new("contact", message);
     let rest = surfaces.rest.as_flattened();
-    let cuts = Cuts::new(system.coordinates(), surfaces.periodic);
     let mut parts = Vec::new();
     for (number, body) in bodies.iter().enumerate().filter(|(_, body)| body.component == component) {
-        parts.push(of_body(scene, number, body, (rest, &cuts)).map_err(wrong)?);
+        parts.push(of_body(scene, number, body, rest).map_err(wrong)?);
     }
     let extent = extent(component, bodies, rigids, rest);
     for (number, rigid) in rigids.iter().enumerate().filter(|(_, rigid)| rigid.component == component) {
@@ -131,6 +143,14 @@ pub(super) fn contact(
     if !parts.iter().enumerate().any(any) {
         return Ok(None);
     }
+    enter_cuts(
+        scene,
+        &mut parts,
+        &Cuts::new(system.coordinates(), surfaces.periodic),
+        &system.positions(state),
+        meeting,
+    );
+    let may_meet = |a: &Part, b: &Part| meeting.may_meet(scene, a.number, b.number);
     // The reach is a fraction of the edges of deformable bodies. With a whole edge as margin, every edge would be a
     // candidate with its neighbours.
     let edges = parts.iter().filter(|part| part.stiffness.is_some());
@@ -224,6 +244,25 @@ fn enter_overlaps(parts: &[Part], surfaces: &Surfaces<'_>, x: &[f64], meeting: &
     }
 }
 
+/// Finds the triangles of solids beyond which they continue; see [`Cuts`].
+fn enter_cuts(scene: &Scene, parts: &mut [Part], cuts: &Cuts, x: &[f64], meeting: &Meeting) {
+    let boxes: Vec<Bounds> = parts.iter().map(|part| part.bounds(x)).collect();
+    for number in 0..parts.len() {
+        let part = &parts[number];
+        if part.number >= scene.bodies.len() || scene.bodies[part.number].dimension() != 3 {
+            continue;
+        }
+        let meets =
+            |other: &usize| *other != number && meeting.may_meet(scene, part.number, parts[*other].number);
+        let others = (0..parts.len()).filter(meets).map(|other| boxes[other]);
+        // Half-spaces have no box.
+        let others: Vec<Bounds> = others.filter(|bounds| bounds.low[0] <= bounds.high[0]).collect();
+        let is_cut =
+            |&triangle: &[u32; 3]| cuts.is_on_seam(triangle) || cuts.is_on_mirror(triangle, x, &others);
+        parts[number].cuts = part.triangles.iter().copied().filter(is_cut).collect();
+    }
+}
+
 /// Makes the surface builder with all parts and their constants.
 fn builder(
     contact: &Contact,
@@ -263,12 +302,7 @@ fn builder(
 }
 
 /// Returns the surface of a deformable body.
-fn of_body(
-    scene: &Scene,
-    number: usize,
-    body: &BodyModel,
-    (rest, cuts): (&[f64], &Cuts),
-) -> Result<Part, String> {
+fn of_body(scene: &Scene, number: usize, body: &BodyModel, rest: &[f64]) -> Result<Part, String> {
     let of_scene = &scene.bodies[number];
     let surface = vi_mesh::Surface::of_body(&body.mesh, of_scene.dimension())
         .map_err(|error| format!("body '{}': {error}", body.name))?;
@@ -276,11 +310,6 @@ fn of_body(
     let triangles: Vec<[u32; 3]> =
         surface.triangles().into_iter().map(|triangle| triangle.map(number_of)).collect();
     let quadrilaterals = surface.cut_quadrilaterals().into_iter().map(|nodes| nodes.map(number_of)).collect();
-    let places = rest.as_chunks::<3>().0;
-    let cuts = match of_scene.dimension() {
-        3 => triangles.iter().copied().filter(|&triangle| cuts.contain(triangle, places)).collect(),
-        _ => Vec::new(),
-    };
     let edge = median_edge(&triangles, rest).unwrap_or(1.0);
     let (mut radius, mut distance, mut young) = (0.0, DISTANCE * edge, f64::INFINITY);
     for entry in &of_scene.material.0 {
@@ -304,7 +333,7 @@ fn of_body(
         number,
         triangles,
         quadrilaterals,
-        cuts,
+        cuts: Vec::new(),
         plane,
         corners,
         skeleton,

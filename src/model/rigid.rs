@@ -385,6 +385,12 @@ impl Path for Carried {
             out.copy_from_slice(&self.motion.turning(self.frame.director(k), t));
         }
     }
+    fn is_still(&self, place: usize) -> bool {
+        match place {
+            0..3 => self.motion.is_still_along([0, 1, 2].map(|k| f64::from(u8::from(k == place)))),
+            _ => self.motion.keeps_directions(),
+        }
+    }
 }
 
 /// Returns the constraints of a joint between rigid bodies of one component, or to the world (`to` is `None`).

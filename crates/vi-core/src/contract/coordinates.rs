@@ -19,6 +19,10 @@ pub trait Path: Send + Sync {
     fn is_fixed(&self) -> bool {
         false
     }
+    /// Returns whether one coordinate of the list, by its place there, is known to stay where it is at all times.
+    fn is_still(&self, _place: usize) -> bool {
+        self.is_fixed()
+    }
 }
 
 /// A path that does not move: the given positions, m.

@@ -219,6 +219,11 @@ impl Motion {
         }
     }
 
+    /// Returns whether directions that are fixed to the moving body never turn.
+    pub fn keeps_directions(&self) -> bool {
+        !matches!(self, Self::Rotate(motion) if motion.rate != 0.0)
+    }
+
     /// Returns a direction fixed to the moving body at time t (s); `direction` is its value at the start.
     pub fn turned(&self, direction: [f64; 3], t: f64) -> [f64; 3] {
         match self {
@@ -303,6 +308,11 @@ impl Path for MovingPath {
         for (out, &(x, axis)) in out.iter_mut().zip(&self.coordinates) {
             *out = self.motion.velocity(x, t)[axis];
         }
+    }
+
+    fn is_still(&self, place: usize) -> bool {
+        let axis = self.coordinates[place].1;
+        self.motion.is_still_along([0, 1, 2].map(|k| f64::from(u8::from(k == axis))))
     }
 }
 
