@@ -22,7 +22,7 @@ pub use assemble::assembler::Assembler;
 pub use assemble::energy::Energies;
 pub use assemble::fixed::AssemblyWork;
 pub use assemble::hessian::HessianEvaluation;
-pub use assemble::last_forces::SeeForces;
+pub use assemble::stencil_forces::SeeForces;
 pub use equilibrium::circulation::circulatory;
 pub use equilibrium::function::PathFunction;
 pub use equilibrium::load_control::{equilibrium, equilibrium_path};

@@ -17,8 +17,8 @@ use vi_core::{Acting, EndForces, Impulse, Potential, StepOutcome, StepSpan, Term
 
 use crate::assemble::energy::Energies;
 use crate::assemble::fixed::FixedSum;
-use crate::assemble::last_forces::{self, SeeForces};
 use crate::assemble::passage::Passage;
+use crate::assemble::stencil_forces::{self, SeeForces};
 use crate::error::{SolverError, TermFault};
 use crate::linear::matrix_sum::MatrixSum;
 use crate::vectors;
@@ -203,7 +203,7 @@ impl LiveSum {
     pub(crate) fn see_gradients(&mut self, x: &[f64], t: f64, see: &mut SeeForces<'_>) {
         self.follow(x, None);
         let near = self.near.iter().flat_map(|near| near.whole.terms().fixed());
-        near.for_each(|term| last_forces::at(term.as_ref(), x, t, see));
+        near.for_each(|term| stencil_forces::at(term.as_ref(), x, t, see));
     }
 
     /// Accepts the step that was closed last.

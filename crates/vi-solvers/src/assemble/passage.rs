@@ -10,7 +10,7 @@ use vi_core::{
     StepSpan, Traits,
 };
 
-use crate::assemble::last_forces::{ActingTerms, SeeForces};
+use crate::assemble::stencil_forces::{ActingTerms, SeeForces};
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
 

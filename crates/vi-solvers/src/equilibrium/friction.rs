@@ -4,9 +4,9 @@
 use vi_core::{Coordinates, Impulse, StepSpan, System};
 
 use crate::assemble::assembler::Assembler;
-use crate::assemble::last_forces::ListedForces;
 use crate::assemble::live::{LiveState, LiveSum};
 use crate::assemble::pairs::Pairs;
+use crate::assemble::stencil_forces::ListedForces;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 

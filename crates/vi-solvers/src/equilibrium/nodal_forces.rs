@@ -4,7 +4,7 @@ use vi_core::{Account, ForceAccount, State, Stencils, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
-use crate::assemble::last_forces;
+use crate::assemble::stencil_forces;
 use crate::schemes::constraint::manifold::constrain_accelerations;
 use crate::schemes::stepper::Stepper;
 
@@ -157,7 +157,7 @@ pub fn couple_at(system: &System, state: &State, stepper: Option<&dyn Stepper>, 
     if !stepper.is_some_and(|stepper| stepper.see_live_forces(&mut see)) {
         let x = system.positions(state);
         for term in system.terms().live() {
-            last_forces::at(term.near(&x, term.reach()).as_ref(), &x, state.t, &mut see);
+            stencil_forces::at(term.near(&x, term.reach()).as_ref(), &x, state.t, &mut see);
         }
     }
     couple

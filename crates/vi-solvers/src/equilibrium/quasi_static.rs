@@ -3,8 +3,8 @@
 use vi_core::{Impulse, State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
-use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::equilibrium::friction::Rubbed;
 use crate::equilibrium::load_control::search;
 use crate::equilibrium::options::{CriticalKind, CriticalPoint, StaticOptions, StaticReport};

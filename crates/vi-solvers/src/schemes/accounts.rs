@@ -15,10 +15,15 @@ pub(crate) fn free_work(system: &System, gradient: &[f64], along: impl Fn(usize)
     vectors::sum(free.len(), |k| gradient[free[k] as usize] * along(k))
 }
 
+/// Returns the numbers of the prescribed coordinates in x, always in the same order.
+pub(crate) fn prescribed_dofs(system: &System) -> impl Iterator<Item = usize> {
+    let groups = system.coordinates().prescribed().iter();
+    groups.flat_map(|group| &group.dofs).map(|&dof| dof as usize)
+}
+
 /// Returns Σ g_i d_i over the prescribed coordinates; `along` holds d of all coordinates in the nodes' own axes.
 pub(crate) fn prescribed_work(system: &System, gradient: &[f64], along: &[f64]) -> f64 {
-    let groups = system.coordinates().prescribed().iter();
-    groups.flat_map(|group| &group.dofs).map(|&dof| gradient[dof as usize] * along[dof as usize]).sum()
+    prescribed_dofs(system).map(|dof| gradient[dof] * along[dof]).sum()
 }
 
 /// Returns the terms of the potential that change with time.

@@ -26,7 +26,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::assemble::filtered::FilteredDrift;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::force_sum::ForceSum;
-use crate::assemble::last_forces::SeeForces;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::assemble::sweep::Sweep;
 use crate::error::SolverError;
 use crate::memory::{StepperMemory, expect_method};

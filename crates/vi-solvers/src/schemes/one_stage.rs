@@ -17,9 +17,9 @@ use vi_core::{Impulse, State, StepEnergy, System};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::finite::{check_finite, check_state};
 use crate::assemble::inertia::Inertia;
-use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
 use crate::assemble::passage::check_narrowest;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::{StepperMemory, expect_method};
@@ -33,7 +33,7 @@ use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
 use crate::schemes::constraint::manifold::ConstraintManifold;
 use crate::schemes::one_stage::end_damping::EndDampers;
-use crate::schemes::one_stage::middle::LastForces;
+use crate::schemes::one_stage::middle::StageForces;
 use crate::schemes::one_stage::rule::Rule;
 use crate::schemes::one_stage::stage::{Stage, StageEquations};
 use crate::schemes::stepper::{StepError, StepReport, Stepper};
@@ -63,8 +63,8 @@ pub(crate) struct OneStage<R> {
     inverse: Inverse,
     newton: Newton,
     potential_energies: PotentialEnergies,
-    /// The forces of the last step, if the ledger books those in the middle of steps.
-    last_forces: Option<LastForces>,
+    /// The forces at the stage of the last step, if the ledger books those in the middle of steps.
+    stage_forces: Option<StageForces>,
     ledger: bool,
     stage: Stage,
     after: State,
@@ -87,7 +87,7 @@ impl<R: Rule> OneStage<R> {
             inertia,
             newton: Newton::new(&SolverOptions { tolerance, ..options.clone() })?,
             potential_energies: PotentialEnergies::new(),
-            last_forces: (options.ledger && rule.books_in_middle()).then(LastForces::default),
+            stage_forces: (options.ledger && rule.books_in_middle()).then(StageForces::default),
             ledger: options.ledger,
             stage: Stage::new(system, &rule),
             manifold: if rule.damps_end() { ConstraintManifold::new(system) } else { None },
@@ -301,7 +301,7 @@ impl<R: Rule> OneStage<R> {
             stage,
             after,
             potential_energies,
-            last_forces,
+            stage_forces,
             x_start,
             dx,
             dv,
@@ -323,7 +323,7 @@ impl<R: Rule> OneStage<R> {
         let along = |k: usize| step[free[k] as usize];
         let mut prescribed = accounts::prescribed_work(system, gradient, step) + rule.prescribed_work();
         let (mut force, mut damping) = evaluator.nonconservative_work(step);
-        if let Some(last) = last_forces {
+        if let Some(last) = stage_forces {
             let (times, works) = ([before.t, after.t], [prescribed, force, damping]);
             [prescribed, force, damping] = last.book(system, evaluator, times, step, works);
         }
@@ -442,7 +442,7 @@ impl<R: Rule> Stepper for OneStage<R> {
         memory.counts.push(("stage.history".into(), self.stage.history_count as u64));
         self.evaluator.save(&mut memory);
         self.potential_energies.save(&mut memory);
-        if let Some(last) = &self.last_forces {
+        if let Some(last) = &self.stage_forces {
             last.save(&mut memory);
         }
         if let Some(multipliers) = &self.stage.multipliers {
@@ -470,7 +470,7 @@ impl<R: Rule> Stepper for OneStage<R> {
         }
         self.evaluator = evaluator_of(&self.rule, system);
         self.potential_energies = PotentialEnergies::restore(memory);
-        if let Some(last) = &mut self.last_forces {
+        if let Some(last) = &mut self.stage_forces {
             last.restore(system, memory)?;
         }
         self.newton.restore(memory)?;

@@ -3,7 +3,7 @@
 
 use vi_core::{Impulse, State, StepEnergy, System};
 
-use crate::assemble::last_forces::SeeForces;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;

@@ -4,9 +4,9 @@ use vi_core::{EndForces, Impulse, Meeting, StepOutcome, StepSpan, System};
 
 use super::Evaluator;
 use crate::assemble::free_path::KEPT;
-use crate::assemble::last_forces::SeeForces;
 use crate::assemble::live::LiveState;
 use crate::assemble::pairs::Pairs;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors;

@@ -14,7 +14,7 @@ use vi_core::{
     packed_len,
 };
 
-use crate::assemble::last_forces::SeeForces;
+use crate::assemble::stencil_forces::SeeForces;
 use crate::error::SolverError;
 use crate::interrupt::Interrupt;
 use crate::memory::StepperMemory;

@@ -21,8 +21,8 @@ use vi_core::{
 
 use crate::assemble::compliance::Compliance;
 use crate::assemble::free_path::{FreePath, KEPT};
-use crate::assemble::last_forces::SeeForces;
 use crate::assemble::passage::{Passage, Remembered, check_narrowest};
+use crate::assemble::stencil_forces::SeeForces;
 use crate::error::SolverError;
 use crate::index::free_of;
 use crate::interrupt::Interrupt;

@@ -18,19 +18,19 @@ pub(super) type Works = [f64; 3];
 
 /// The forces at the stage of the last step.
 #[derive(Default)]
-pub(super) struct LastForces {
-    /// Times of the stage and of the end of that step, s; empty before the first step.
-    times: Vec<f64>,
-    /// ∂V/∂x − f of all coordinates, N; empty if no support moves.
-    gradient: Vec<f64>,
+pub(super) struct StageForces {
+    /// Times of the stage and of the end of that step, s; `None` before the first step.
+    times: Option<[f64; 2]>,
+    /// ∂V/∂x − f of the [prescribed coordinates](accounts::prescribed_dofs), N; empty if no support moves.
+    prescribed: Vec<f64>,
     /// Forces without a potential by account, N; empty without such forces.
     by_account: [Vec<f64>; 2],
 }
 
 /// Names of the stored forces.
-const NAMES: [&str; 4] = ["booked.times", "booked.gradient", "booked.force", "booked.damping"];
+const NAMES: [&str; 4] = ["booked.times", "booked.prescribed", "booked.force", "booked.damping"];
 
-impl LastForces {
+impl StageForces {
     /// Returns the works of the forces at the last evaluation along `step` (in the nodes' own axes), as those in the middle of the step
     /// from time `start` to `end` with its stage at that evaluation. Keeps the forces for the next step.
     pub(super) fn book(
@@ -43,51 +43,53 @@ impl LastForces {
     ) -> Works {
         let stage = evaluator.time();
         let mut booked = works;
-        if let &[last_stage, last_end] = &self.times[..]
+        if let Some([last_stage, last_end]) = self.times
             && last_end == start
             && last_stage < stage
         {
             let factor = (0.5 * (start + end) - stage) / (stage - last_stage);
             let [force, damping] =
                 self.by_account.each_ref().map(|last| vectors::sum(last.len(), |dof| last[dof] * step[dof]));
-            let prescribed = match self.gradient.is_empty() {
-                true => 0.0,
-                false => accounts::prescribed_work(system, &self.gradient, step),
-            };
+            let prescribed = self.prescribed.iter().zip(accounts::prescribed_dofs(system));
+            let prescribed = prescribed.map(|(force, dof)| force * step[dof]).sum();
             for (booked, before) in booked.iter_mut().zip([prescribed, force, damping]) {
                 *booked += factor * (*booked - before);
             }
         }
-        self.times = vec![stage, end];
+        self.times = Some([stage, end]);
         if system.coordinates().is_moving() {
-            self.gradient.clear();
-            self.gradient.extend_from_slice(evaluator.gradient());
+            let gradient = evaluator.gradient();
+            self.prescribed.clear();
+            self.prescribed.extend(accounts::prescribed_dofs(system).map(|dof| gradient[dof]));
         }
         evaluator.nonconservative(&mut self.by_account);
         booked
     }
 
     pub(super) fn save(&self, memory: &mut StepperMemory) {
+        let times: Vec<f64> = self.times.iter().flatten().copied().collect();
         let [force, damping] = &self.by_account;
-        for (name, array) in NAMES.iter().zip([&self.times, &self.gradient, force, damping]) {
+        for (name, array) in NAMES.iter().zip([&times, &self.prescribed, force, damping]) {
             memory.arrays.push(((*name).to_owned(), array.clone()));
         }
     }
 
     pub(super) fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError> {
-        let mut arrays = [(); 4].map(|()| Vec::new());
-        for (array, name) in arrays.iter_mut().zip(NAMES) {
-            memory.array(name)?.clone_into(array);
-            let is_sound = match name {
-                "booked.times" => matches!(array.len(), 0 | 2),
-                _ => array.is_empty() || array.len() == system.coordinates().dof_count(),
-            };
-            if !is_sound {
+        let all = system.coordinates().dof_count();
+        let counts = [2, accounts::prescribed_dofs(system).count(), all, all];
+        let mut arrays: [&[f64]; 4] = [&[]; 4];
+        for ((array, name), count) in arrays.iter_mut().zip(NAMES).zip(counts) {
+            *array = memory.array(name)?;
+            if !array.is_empty() && array.len() != count {
                 return Err(SolverError::Memory { missing: name });
             }
         }
-        let [times, gradient, force, damping] = arrays;
-        *self = Self { times, gradient, by_account: [force, damping] };
+        let [times, prescribed, force, damping] = arrays;
+        *self = Self {
+            times: times.try_into().ok(),
+            prescribed: prescribed.to_vec(),
+            by_account: [force, damping].map(<[f64]>::to_vec),
+        };
         Ok(())
     }
 }

@@ -1,4 +1,4 @@
-//! The forces of live terms over the last step, stencil by stencil, for observers. They are evaluated only on request.
+//! The forces of live terms stencil by stencil, over the last step or in a configuration, for observers. They are evaluated only on request.
 
 use std::ops::Range;
 use std::sync::Arc;
