@@ -125,10 +125,7 @@ impl Evaluator {
 
     /// Sets the ends of the step for the tangents of forces over it; `None` for those of ∂V/∂x.
     pub(crate) fn set_step(&mut self, ends: Option<[&[f64]; 2]>) {
-        match (ends, &mut self.step) {
-            (Some(ends), Some(step)) => step.iter_mut().zip(ends).for_each(|(x, end)| x.copy_from_slice(end)),
-            (ends, step) => *step = ends.map(|ends| ends.map(<[f64]>::to_vec)),
-        }
+        self.step = ends.map(|ends| ends.map(<[f64]>::to_vec));
     }
 
     /// Returns what [`Evaluator::set_step`] set.

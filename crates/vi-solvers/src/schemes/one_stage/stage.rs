@@ -149,14 +149,12 @@ impl Stage {
         self.has_discrete = evaluator.has_discrete();
         outcome?;
         if self.is_simple {
-            evaluator.set_step(None);
             self.added.fill(0.0);
         } else if rule.has_correction() {
             let Self { origin, offset, w, added, start_t, h, .. } = self;
             let (start_t, h, start_q) = (*start_t, *h, &*origin);
             rule.correction(&Trial { system, evaluator, start_q, start_t, h, offset, w }, added);
             evaluator.work.energies += 1;
-            evaluator.set_step(rule.step());
         }
         let Self { multipliers, added, q, origin, offset, w, t, end_per_stage, .. } = self;
         if let Some(multipliers) = multipliers {
@@ -345,8 +343,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         3.0_f64.sqrt() * FARTHEST * motion + bound
     }
 
-    fn linearize(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
-        // The last evaluation was made at the iterate.
+    fn linearize(&mut self, _system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        // The last evaluation was made at the iterate, with the last correction.
+        evaluator.set_step(if self.stage.is_simple { None } else { self.rule.step() });
         Ok(())
     }
 
