@@ -269,12 +269,11 @@ impl<R: Rule> OneStage<R> {
         }
         let mut equations = StageEquations { system, rule, inertia, stage };
         let meets_pairs = equations.meets_pairs(evaluator);
-        let is_mechanism = equations.is_mechanism();
         let mut solve = Solve::new(system, evaluator, inverse, equations);
         let solved = match solve.equations.rule.solves() {
             Some(most) => newton.truncate(&mut solve, most),
             None if meets_pairs => newton.solve_pairs(&mut solve),
-            None if is_mechanism => newton.solve_mechanism(&mut solve),
+            None if solve.equations.is_mechanism() => newton.solve_mechanism(&mut solve),
             None => newton.solve(&mut solve),
         };
         solve.inverse.forget_simplified();
