@@ -116,26 +116,14 @@ pub fn limiting(rates: &[Rates], method: Method) -> f64 {
 /// # Errors
 /// Returns the error of the first component whose rates cannot be estimated.
 pub fn rates(simulation: &Simulation) -> Result<Vec<Rates>, SolverError> {
-    let moving: Vec<(&System, &State)> = simulation
-        .components()
-        .iter()
-        .filter(|component| component.stepper().is_some())
-        .map(|component| (component.system(), component.state()))
-        .collect();
-    let of = |&(system, state): &(&System, &State)| {
+    of_moving(simulation, |system, state| {
         let omega = highest_frequency(system, state)?.omega;
         let damping = match system.forces().is_empty() {
             true => 0.0,
             false => Frequencies::new(system).damping_rate(system, state, omega)?,
         };
         Ok(Rates { omega, damping })
-    };
-    // Components whose terms other processes share must not be evaluated at the same time.
-    if moving.iter().any(|(system, _)| system.terms().shared().is_some()) {
-        moving.iter().map(of).collect()
-    } else {
-        moving.par_iter().map(of).collect()
-    }
+    })
 }
 
 /// Returns the highest angular frequency of a scene at its start, rad/s, or `None` if no free coordinate feels a force
@@ -144,8 +132,24 @@ pub fn rates(simulation: &Simulation) -> Result<Vec<Rates>, SolverError> {
 /// # Errors
 /// Returns the error of the first component whose frequency cannot be estimated.
 pub fn highest(simulation: &Simulation) -> Result<Option<f64>, SolverError> {
-    let omega = rates(simulation)?.iter().map(|rates| rates.omega).reduce(f64::max);
-    Ok(omega.filter(|omega| *omega > 0.0))
+    let omegas = of_moving(simulation, |system, state| Ok(highest_frequency(system, state)?.omega))?;
+    Ok(omegas.into_iter().reduce(f64::max).filter(|omega| *omega > 0.0))
+}
+
+/// Returns what `of` finds of each component that moves, at the start of a scene.
+fn of_moving<T: Send>(
+    simulation: &Simulation,
+    of: impl Fn(&System, &State) -> Result<T, SolverError> + Sync,
+) -> Result<Vec<T>, SolverError> {
+    let components = simulation.components().iter().filter(|component| component.stepper().is_some());
+    let moving: Vec<(&System, &State)> =
+        components.map(|component| (component.system(), component.state())).collect();
+    // Components whose terms other processes share must not be evaluated at the same time.
+    if moving.iter().any(|(system, _)| system.terms().shared().is_some()) {
+        moving.into_iter().map(|(system, state)| of(system, state)).collect()
+    } else {
+        moving.into_par_iter().map(|(system, state)| of(system, state)).collect()
+    }
 }
 
 /// Returns the highest angular frequency of the motion with which rigid bodies start, rad/s: the multipliers of their
