@@ -30,6 +30,8 @@ pub(crate) struct RollingPair {
     pub(crate) partners: Partners,
     /// The cell on which the point is measured; zero if there is none.
     pub(crate) cell: u32,
+    /// The axis in the middle of the step.
+    axis: Axis,
     /// Weights of the point of contact for the nodes of [`Contact::rolling_nodes`]: the force on node a is −w_a T.
     pub(crate) weights: [f64; 8],
     /// Slip u of the first side over the second, m.
@@ -47,6 +49,7 @@ pub(crate) struct RollingPair {
 }
 
 /// The axis of a pair at one configuration.
+#[derive(Debug, Clone, Copy)]
 struct Axis {
     /// Unit normal from the second side to the first.
     normal: Vec3,
@@ -218,6 +221,7 @@ impl Contact<'_> {
         Some(RollingPair {
             partners,
             cell,
+            axis,
             weights,
             slip,
             tangents,

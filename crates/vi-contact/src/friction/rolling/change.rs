@@ -86,13 +86,12 @@ impl Across {
 impl Contact<'_> {
     /// Returns the derivatives of t_k·u with respect to the positions at the end of the step, for both tangents t_k of a pair, without
     /// terms of the order of u: of the nodes of [`Contact::rolling_nodes`], then of those of [`Contact::axis_nodes`]; a node may be
-    /// among both.
+    /// among both. `x` are the ends for which [`Contact::roll`] returned the pair.
     pub(crate) fn rolling_change(&self, pair: &RollingPair, x: [&[f64]; 2]) -> Option<[[Vec3; 12]; 2]> {
-        let RollingPair { partners, cell, weights, .. } = *pair;
+        let RollingPair { partners, cell, axis, weights, .. } = *pair;
         let step = |node: u32| at(x[1], node) - at(x[0], node);
         let middle = |node: u32| (at(x[0], node) + at(x[1], node)) * 0.5;
         let (nodes, axis_nodes) = (self.rolling_nodes(partners, cell), self.axis_nodes(partners, cell));
-        let axis = self.axis(partners, cell, &middle)?;
         let touch = self.touch(partners, &axis);
         let across = Across::new(partners, &axis, &axis_nodes.map(middle));
         let steps = axis_nodes.map(step);
