@@ -450,16 +450,6 @@ mod tests {
         }
     }
 
-    /// A refusal of constraints names every implicit scheme that takes them.
-    #[test]
-    fn a_refusal_names_all_implicit_schemes_that_accept() {
-        let named = Method::accepting(|accepts| accepts.constraints);
-        let named: Vec<&str> = named.split(", ").collect();
-        for facts in Method::ALL.iter().map(Method::facts).filter(|facts| !facts.is_explicit) {
-            assert_eq!(named.contains(&facts.name), facts.accepts.constraints, "{}: {named:?}", facts.name);
-        }
-    }
-
     #[test]
     fn names_are_unique() {
         for (k, method) in Method::ALL.iter().enumerate() {
