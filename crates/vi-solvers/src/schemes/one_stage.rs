@@ -195,14 +195,19 @@ impl<R: Rule> OneStage<R> {
         if inertia.matrix().is_some() {
             velocity.iter_mut().zip(&*dv).for_each(|(v, dv)| *v += dv);
         }
+        if let Some(manifold) = manifold {
+            manifold.set_directions(system, &after.q, after.t);
+            // Impulses in the tangent space do work on the tangent part of velocities alone. With the rates of the other part, which
+            // some schemes leave at the end of a step, dampers would add energy.
+            let mut tangent = after.p.clone();
+            manifold.project_momenta(system, &after.q, &mut tangent, after.t)?;
+            velocity = system.velocity(&tangent);
+        }
         let mut x_dot = vec![0.0; system.coordinates().dof_count()];
         system.coordinates().embed_velocity(&velocity, after.t, &mut x_dot);
         let forces = evaluator.end_forces(&x_dot);
         if forces.dampers.is_empty() && forces.friction.is_empty() {
             return Ok(());
-        }
-        if let Some(manifold) = manifold {
-            manifold.set_directions(system, &after.q, after.t);
         }
         let ends =
             EndDampers { system, inertia, manifold: manifold.as_ref(), forces: &forces, t: after.t, h };
