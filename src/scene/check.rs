@@ -129,11 +129,15 @@ fn time(check: &mut Checker, scene: &Scene) {
     }
     let is_explicit = time.method().is_some_and(|method| method.facts().is_explicit);
     if scene.solver.mass == Some(MassKind::Consistent) && is_explicit && scene.statics.is_none() {
-        check.say(
-            "solver.mass",
-            "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each: make `time.scheme` \
-             implicit (implicit-midpoint, energy-momentum), or remove `mass`",
-        );
+        // Implicit schemes refuse it beside constraints.
+        let is_constrained =
+            scene.rigids.iter().any(|rigid| !rigid.is_prescribed()) || !scene.joints.is_empty();
+        let message = "\"consistent\" couples the nodes, and explicit schemes divide by the mass of each";
+        let ways = match is_constrained {
+            true => "remove `mass`",
+            false => "make `time.scheme` implicit (implicit-midpoint, energy-momentum), or remove `mass`",
+        };
+        check.say("solver.mass", format!("{message}: {ways}"));
     }
     if scene.solver.mass == Some(MassKind::Filtered) {
         filtered_mass(check, scene);
@@ -157,19 +161,22 @@ fn time(check: &mut Checker, scene: &Scene) {
 fn filtered_mass(check: &mut Checker, scene: &Scene) {
     let without = [
         (scene.statics.is_some(), "[static] moves no mass: remove `mass`"),
-        (
-            scene.time.method().is_some_and(|method| !method.facts().is_explicit),
-            "\"filtered\" lengthens explicit steps, and implicit ones have no limit: make `time.scheme` explicit \
-             (\"stormer-verlet\", \"blanes-moan-4\"), or remove `mass`",
-        ),
         (scene.contact.is_some(), "\"filtered\" is not possible with [contact]: remove `mass`"),
         (scene.wind.is_some(), "\"filtered\" is not possible with [wind]: remove `mass`"),
         (scene.damping.is_some(), "\"filtered\" is not possible with [damping]: remove `mass`"),
         (!scene.periodics.is_empty(), "\"filtered\" is not possible with [[periodic]]: remove `mass`"),
         (!scene.rigids.is_empty(), "\"filtered\" is not possible with rigid bodies: remove `mass`"),
     ];
-    for (_, message) in without.into_iter().filter(|(is_so, _)| *is_so) {
-        check.say("solver.mass", message);
+    let excluded = || without.iter().filter(|(is_so, _)| *is_so);
+    excluded().for_each(|(_, message)| check.say("solver.mass", *message));
+    // No scheme would help in a scene that excludes this mass.
+    let is_implicit = scene.time.method().is_some_and(|method| !method.facts().is_explicit);
+    if is_implicit && excluded().next().is_none() {
+        check.say(
+            "solver.mass",
+            "\"filtered\" lengthens explicit steps, and implicit ones have no limit: make `time.scheme` explicit \
+             (\"stormer-verlet\", \"blanes-moan-4\"), or remove `mass`",
+        );
     }
 }
 
@@ -189,7 +196,7 @@ fn adaptive(check: &mut Checker, scene: &Scene) {
         (
             time.scheme == Some(SchemeName::ForwardEuler),
             "scheme \"forward-euler\" is stable at no step, so that none follows from the motion: write a step in s, or \
-             choose another scheme, e.g. \"stormer-verlet\"",
+             choose another scheme, e.g. \"energy-momentum\"",
         ),
         (scene.statics.is_some(), "[static] has no motion to follow: write a step in s"),
         (

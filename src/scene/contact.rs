@@ -248,13 +248,20 @@ fn refused(method: &Method, scene: &Scene) -> Option<String> {
         return None;
     }
     let name = method.label();
+    let is_adaptive = scene.time.is_adaptive();
     let advice = match scene.solver.mass {
+        _ if is_adaptive => "use implicit-midpoint or energy-momentum",
         Some(MassKind::Consistent) => "use implicit-midpoint or energy-momentum",
         _ => "use stormer-verlet, implicit-midpoint or energy-momentum",
     };
     let is_constrained = scene.rigids.iter().any(|rigid| !rigid.is_prescribed()) || !scene.joints.is_empty();
-    let comparison =
-        if is_constrained { "backward-euler or bdf2" } else { "backward-euler, bdf2 or newmark" };
+    // Adaptive steps are not equal, as bdf2 needs them.
+    let comparison = match (is_constrained, is_adaptive) {
+        (true, true) => "backward-euler",
+        (true, false) => "backward-euler or bdf2",
+        (false, true) => "backward-euler or newmark",
+        (false, false) => "backward-euler, bdf2 or newmark",
+    };
     Some(match method {
         Method::TruncatedEuler { .. } => {
             format!("{name} may end a step before surfaces that meet are apart; with [contact] {advice}")

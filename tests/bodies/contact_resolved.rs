@@ -110,6 +110,44 @@ fn a_step_that_is_too_long_for_contact_fails_with_one_that_is_not() {
     );
 }
 
+/// Refusals propose nothing that the scene refuses too: with adaptive steps no explicit scheme and not `bdf2`, and no scheme for a mass that
+/// contact excludes.
+#[test]
+fn refusals_propose_what_the_scene_accepts() {
+    let scene = |scheme: &str, step: &str, solver: &str| {
+        format!(
+            r#"
+[time]
+end = 0.01
+step = {step}
+scheme = "{scheme}"
+{solver}
+[contact]
+[[body]]
+name = "block"
+box = {{ size = [0.1, 0.1, 0.1], cells = [1, 1, 1], element = "hex8", origin = [0, 0, 0.01] }}
+material = {{ law = "neo-hookean", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[rigid]]
+name = "floor"
+shape = {{ kind = "plane", normal = [0, 0, 1] }}
+fixed = true
+"#
+        )
+    };
+    let cases = [
+        ("truncated-euler", "\"adaptive\"", "", "energy-momentum", "stormer-verlet"),
+        ("generalized-alpha", "\"adaptive\"", "", "backward-euler or newmark", "bdf2"),
+        ("generalized-alpha", "1e-3", "", "stormer-verlet", "no such word"),
+        ("implicit-midpoint", "1e-3", "[solver]\nmass = \"filtered\"", "remove `mass`", "time.scheme"),
+    ];
+    for (scheme, step, solver, proposed, refused) in cases {
+        let program = Program::check(&scene(scheme, step, solver));
+        let said = program.errors() + &String::from_utf8_lossy(&program.output.stdout);
+        assert_eq!(program.code(), Some(2), "{said}");
+        assert!(said.contains(proposed) && !said.contains(refused), "{scheme}: {said}");
+    }
+}
+
 #[test]
 fn friction_is_refused_by_schemes_without_it() {
     for (scheme, step) in SCHEMES {
