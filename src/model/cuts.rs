@@ -18,8 +18,8 @@ const ROUND_OFF: f64 = 1e-9;
 struct Held {
     /// Orthonormal directions along which it never moves.
     still: Vec<Vector3<f64>>,
-    /// Whether its motion is prescribed along all directions.
-    is_driven: bool,
+    /// The number of its coordinates whose motion is prescribed.
+    driven: u8,
 }
 
 /// Where the bodies of a component continue beyond their models.
@@ -47,16 +47,13 @@ impl Cuts {
             }
         }
         let mut held: BTreeMap<u32, Held> = BTreeMap::new();
-        let mut counts: BTreeMap<u32, u8> = BTreeMap::new();
         for (dof, is_still) in is_still {
             let (node, axis) = (dof / 3, dof as usize % 3);
-            let count = counts.entry(node).or_default();
-            *count += 1;
-            let node_held = held.entry(node).or_default();
-            node_held.is_driven = *count == 3;
+            let of_node = held.entry(node).or_default();
+            of_node.driven += 1;
             if is_still {
                 let own = coordinates.axes_of(node).map(|axes| Vector3::from(axes[axis]));
-                node_held.still.push(own.unwrap_or_else(|| Vector3::ith(axis, 1.0)));
+                of_node.still.push(own.unwrap_or_else(|| Vector3::ith(axis, 1.0)));
             }
         }
         let mut seams: BTreeMap<usize, [BTreeSet<u32>; 2]> = BTreeMap::new();
@@ -79,7 +76,7 @@ impl Cuts {
     pub(super) fn is_on_mirror(&self, triangle: [u32; 3], x: &[f64], others: &[Bounds]) -> bool {
         let [Some(a), Some(b), Some(c)] = triangle.map(|node| self.held.get(&node)) else { return false };
         let held = [a, b, c];
-        if held.iter().all(|held| held.is_driven) {
+        if held.iter().all(|held| held.driven == 3) {
             return false;
         }
         let [a, b, c] = triangle.map(|node| Vector3::from_column_slice(&x[3 * node as usize..][..3]));

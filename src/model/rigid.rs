@@ -387,7 +387,7 @@ impl Path for Carried {
     }
     fn is_still(&self, place: usize) -> bool {
         match place {
-            0..3 => self.motion.is_still_along([0, 1, 2].map(|k| f64::from(u8::from(k == place)))),
+            0..3 => self.motion.is_still_along_axis(place),
             _ => self.motion.keeps_directions(),
         }
     }

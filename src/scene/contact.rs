@@ -249,10 +249,9 @@ fn refused(method: &Method, scene: &Scene) -> Option<String> {
     }
     let name = method.label();
     let is_adaptive = scene.time.is_adaptive();
-    let advice = match scene.solver.mass {
-        _ if is_adaptive => "use implicit-midpoint or energy-momentum",
-        Some(MassKind::Consistent) => "use implicit-midpoint or energy-momentum",
-        _ => "use stormer-verlet, implicit-midpoint or energy-momentum",
+    let advice = match is_adaptive || scene.solver.mass == Some(MassKind::Consistent) {
+        true => "use implicit-midpoint or energy-momentum",
+        false => "use stormer-verlet, implicit-midpoint or energy-momentum",
     };
     let is_constrained = scene.rigids.iter().any(|rigid| !rigid.is_prescribed()) || !scene.joints.is_empty();
     // Adaptive steps are not equal, as bdf2 needs them.

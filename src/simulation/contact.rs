@@ -302,8 +302,11 @@ impl ContactWatch {
     pub(super) fn fields(&self, x: &[f64], v: &[f64]) -> Vec<ContactAt> {
         let (near, surface) = (self.term.at(x), self.term.surface());
         let mut all = vec![ContactAt::away(f64::INFINITY); x.len() / 3];
-        let mut sides = vec![Sides::default(); x.len() / 3];
         let active = near.contact().active(x);
+        if active.is_empty() {
+            return all;
+        }
+        let mut sides = vec![Sides::default(); x.len() / 3];
         let push = |pair: &ActivePair, k: usize| pair.closest.vector * pair.closest.weights[k];
         for pair in &active {
             let gradient = pair.gradient(x);

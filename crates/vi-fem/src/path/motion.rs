@@ -219,6 +219,13 @@ impl Motion {
         }
     }
 
+    /// Returns whether no point ever moves along an axis of space: 0 for x, 1 for y, 2 for z.
+    pub fn is_still_along_axis(&self, axis: usize) -> bool {
+        let mut direction = [0.0; 3];
+        direction[axis] = 1.0;
+        self.is_still_along(direction)
+    }
+
     /// Returns whether directions that are fixed to the moving body never turn.
     pub fn keeps_directions(&self) -> bool {
         !matches!(self, Self::Rotate(motion) if motion.rate != 0.0)
@@ -311,8 +318,7 @@ impl Path for MovingPath {
     }
 
     fn is_still(&self, place: usize) -> bool {
-        let axis = self.coordinates[place].1;
-        self.motion.is_still_along([0, 1, 2].map(|k| f64::from(u8::from(k == axis))))
+        self.motion.is_still_along_axis(self.coordinates[place].1)
     }
 }
 

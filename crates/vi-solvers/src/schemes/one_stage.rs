@@ -191,18 +191,23 @@ impl<R: Rule> OneStage<R> {
     /// Lets the dampers and the friction of live terms act on the velocities at the end of the step.
     fn damp_end(&mut self, system: &System, h: f64, energy: &mut StepEnergy) -> Result<(), SolverError> {
         let Self { evaluator, inertia, after, dv, manifold, .. } = self;
-        let mut velocity = inertia.velocity(system, &after.p).to_vec(after.p.len());
-        if inertia.matrix().is_some() {
-            velocity.iter_mut().zip(&*dv).for_each(|(v, dv)| *v += dv);
-        }
-        if let Some(manifold) = manifold {
-            manifold.set_directions(system, &after.q, after.t);
-            // Impulses in the tangent space do work on the tangent part of velocities alone. With the rates of the other part, which
-            // some schemes leave at the end of a step, dampers would add energy.
-            let mut tangent = after.p.clone();
-            manifold.project_momenta(system, &after.q, &mut tangent, after.t)?;
-            velocity = system.velocity(&tangent);
-        }
+        let velocity = match manifold {
+            Some(manifold) => {
+                manifold.set_directions(system, &after.q, after.t);
+                // Impulses in the tangent space do work on the tangent part of velocities alone. With the rates of the other part,
+                // which some schemes leave at the end of a step, dampers would add energy.
+                let mut tangent = after.p.clone();
+                manifold.project_momenta(system, &after.q, &mut tangent, after.t)?;
+                system.velocity(&tangent)
+            }
+            None => {
+                let mut velocity = inertia.velocity(system, &after.p).to_vec(after.p.len());
+                if inertia.matrix().is_some() {
+                    velocity.iter_mut().zip(&*dv).for_each(|(v, dv)| *v += dv);
+                }
+                velocity
+            }
+        };
         let mut x_dot = vec![0.0; system.coordinates().dof_count()];
         system.coordinates().embed_velocity(&velocity, after.t, &mut x_dot);
         let forces = evaluator.end_forces(&x_dot);
