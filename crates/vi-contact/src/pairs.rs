@@ -23,6 +23,7 @@ mod gaps;
 mod groups;
 mod step;
 mod term;
+mod viscosity;
 
 pub use clusters::clusters;
 pub use energy::{ActivePair, Blend};

@@ -5,15 +5,13 @@
 //! change of closest features. The pairs are simplices and not features, so their energies add up from step to step. Where a point passes
 //! from one cell to another, two pairs together have these properties (`crossing.rs`).
 //!
-//! Damping with the time constant τ adds the force τ C''(s̄) Δd/h along N, as long as the pair does not pull: where a share a of the
-//! damping acts on velocities at the end of the step ([`AT_END`]), a pair that opens keeps the part a Q of its push, which that share may
-//! take. Damping dissipates D = τ C'' Δd²/h ≥ 0. Like forces, it is subtracted for the pairs that inclusion and exclusion subtracts: otherwise it
-//! would be doubled, in one jump, where a point passes from one cell to the next.
+//! Damping adds to Q; see `viscosity.rs`.
 
 use vi_core::StepSpan;
 
 use super::edges::Mollifier;
 use super::energy::{Strength, in_order, pack_rank_one};
+use super::viscosity::{Damped, Damping, Viscosity};
 use super::{Blend, Contact, DistanceChange, Group, Partners, chord};
 use crate::distance::{Shape, Vec3, at};
 
@@ -116,8 +114,10 @@ pub struct StepPair {
     pub stiffness: f64,
     /// C₀ and C₁, J.
     pub energy: [f64; 2],
-    /// Energy that damping dissipates, J: Σ G·Δx = C₁ − C₀ + dissipated; negative for pairs that inclusion and exclusion subtracts.
+    /// Energy that damping dissipates, J: Σ G·Δx = C₁ − C₀ + dissipated.
     pub dissipated: f64,
+    /// What damping at the end of the step needs to know of a pair; zero if nothing damps it.
+    pub(crate) damped: Damped,
     /// The smaller gap of both ends, m.
     pub gap: f64,
     /// The gaps of both ends, relative to d̂.
@@ -149,8 +149,7 @@ impl StepPair {
     /// parts turn is left out of the tangents, because it depends on the nodes of both.
     fn half(self) -> Self {
         let energy = self.energy.map(|energy| 0.5 * energy);
-        let (dissipated, stiffness) = (0.5 * self.dissipated, 0.5 * self.stiffness);
-        Self { energy, dissipated, stiffness, slope: 0.0, ..self }
+        Self { energy, stiffness: 0.5 * self.stiffness, slope: 0.0, ..self }
     }
 
     /// Multiplies the force and its tangents by `factor`.
@@ -223,47 +222,28 @@ pub(crate) struct Parallel {
     by: [f64; 3],
 }
 
-/// The scalar quotient Q = ΔC/Δd of a pair over a step, with damping, and its derivatives.
+/// The scalar quotient Q = ΔC/Δd of a pair over a step, and its derivatives.
 struct Quotient {
     slope: f64,
+    /// dQ/dd₁.
     stiffness: f64,
-    tangent: f64,
     energy: [f64; 2],
-    dissipated: f64,
     gap: f64,
     relative: [f64; 2],
 }
 
 impl Quotient {
-    /// Computes the quotient between the distances at both `ends` (m). `rate` is τ/h, `kept` the part of the push that damping leaves,
-    /// and `change` is d₁ − d₀.
+    /// Computes the quotient between the distances at both `ends` (m).
     #[inline]
-    fn new(strength: &Strength, ends: [f64; 2], change: f64, [rate, kept]: [f64; 2]) -> Self {
+    fn new(strength: &Strength, ends: [f64; 2]) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;
         let [s0, s1] = ends.map(|distance| gauge.relative(distance));
         let per_square = gauge.energy / (gauge.distance * gauge.distance);
-        let elastic = gauge.energy / gauge.distance * blend.quotient(s0, s1);
-        let elastic_stiffness = per_square * blend.quotient_slope(s0, s1);
-        let (mut slope, mut stiffness, mut tangent) = (elastic, elastic_stiffness, elastic_stiffness);
-        if rate > 0.0 {
-            let middle = 0.5 * (s0 + s1);
-            let viscosity = rate * per_square * blend.curvature(middle);
-            slope += viscosity * change;
-            stiffness += viscosity;
-            let by_middle = rate * per_square * blend.third(middle);
-            tangent += viscosity + 0.5 * by_middle * change / gauge.distance;
-            if slope > kept * elastic {
-                (slope, stiffness) = (kept * elastic, kept * elastic_stiffness);
-                tangent = stiffness;
-            }
-        }
         let energy = n * gauge.energy;
         Self {
-            slope: n * slope,
-            stiffness: n * stiffness,
-            tangent: n * tangent,
+            slope: n * (gauge.energy / gauge.distance * blend.quotient(s0, s1)),
+            stiffness: n * (per_square * blend.quotient_slope(s0, s1)),
             energy: [energy * blend.value(s0), energy * blend.value(s1)],
-            dissipated: n * (slope - elastic) * change,
             gap: s0.min(s1) * gauge.distance,
             relative: [s0, s1],
         }
@@ -307,7 +287,9 @@ impl Contact<'_> {
             let Some(gauge) = self.surface.point_gauge(point, body) else { continue };
             let damping = self.damping(part.body, body, settings);
             group.gather(self.surface, part.node, cells, &gauge, x);
-            let Group { terms, crossing, .. } = group;
+            let Group { terms, crossing, viscosities, .. } = group;
+            let first = out.len();
+            viscosities.clear();
             crossing.find(terms, &gauge, x);
             let partners = Partners::PointBody(point as u32, body);
             let strength = |multiplicity: f64| Strength { gauge, blend, multiplicity };
@@ -320,18 +302,29 @@ impl Contact<'_> {
                 let [x0, x1] = term.positions(x);
                 let change = DistanceChange::new(&start, &end, [&x0, &x1]);
                 let ends = [start.distance(), end.distance()];
-                let quotient = Quotient::new(&strength(multiplicity), ends, change.change, damping);
+                let strength = strength(multiplicity);
+                let quotient = Quotient::new(&strength, ends);
                 let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient, settings);
                 out.push(StepPair { cell: term.home, ..pair });
+                if damping.is_some() {
+                    viscosities.push(Viscosity::new(&strength, ends, &change, quotient.slope));
+                }
             }
             for chord in crossing.chords() {
-                let change = chord.parts[0].change;
-                let quotient = Quotient::new(&strength(chord.number), chord.distances, change, damping);
+                let strength = strength(chord.number);
+                let quotient = Quotient::new(&strength, chord.distances);
                 for (term, change) in chord.terms.map(|term| &terms[term]).iter().zip(&chord.parts) {
                     let pair =
                         assemble(partners, term.shape.arity(), term.nodes, change, &quotient, settings);
                     out.push(StepPair { cell: term.home, ..pair.half() });
+                    if damping.is_some() {
+                        let whole = Viscosity::new(&strength, chord.distances, change, quotient.slope);
+                        viscosities.push(whole.half());
+                    }
                 }
+            }
+            if let Some(damping) = damping {
+                damping.act(&mut out[first..], viscosities);
             }
         }
     }
@@ -353,12 +346,16 @@ impl Contact<'_> {
         let damping = self.damping(a.body, b.body, settings);
         let ends = [start.distance(), end.distance()];
         let strength = Strength { gauge: pair.gauge, blend, multiplicity: 1.0 };
-        let quotient = Quotient::new(&strength, ends, change.change, damping);
+        let quotient = Quotient::new(&strength, ends);
         if quotient.energy == [0.0; 2] {
             return None;
         }
         let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
         let mut out = assemble(partners, 4, nodes, &change, &quotient, settings);
+        if let Some(damping) = damping {
+            let viscosity = Viscosity::new(&strength, ends, &change, quotient.slope);
+            damping.act(std::slice::from_mut(&mut out), &[viscosity]);
+        }
         let mollifier = Mollifier::new(a, b);
         let [c0, c1] = [Mollifier::argument(&x0), Mollifier::argument(&x1)];
         let [m0, m1] = [mollifier.value(c0), mollifier.value(c1)];
@@ -375,7 +372,7 @@ impl Contact<'_> {
             out.parallel = Some(Parallel {
                 change: [change_c, Mollifier::discrete_gradient(&x1, &x1)],
                 by: [
-                    0.5 * quotient.slope * mollifier.slope(c1),
+                    0.5 * out.slope * mollifier.slope(c1),
                     0.5 * slope * mollifier.quotient(c0, c1),
                     energy * mollifier.quotient_slope(c0, c1),
                 ],
@@ -384,6 +381,7 @@ impl Contact<'_> {
             out.slope *= mean;
             out.tangent *= mean;
             out.dissipated *= mean;
+            out.damped.scale(mean);
             out.energy = [m0 * out.energy[0], m1 * out.energy[1]];
         }
         Some(out)
@@ -418,15 +416,22 @@ impl Contact<'_> {
         let damping = self.damping(part.body, face.body, settings);
         let blend = Blend::of_points(self.surface.barrier);
         let strength = Strength { gauge, blend, multiplicity: 1.0 };
-        let quotient = Quotient::new(&strength, ends, change.change, damping);
+        let quotient = Quotient::new(&strength, ends);
         let arity = face.shape().arity();
-        Some(assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient, settings))
+        let mut out =
+            assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient, settings);
+        if let Some(damping) = damping {
+            let viscosity = Viscosity::new(&strength, ends, &change, quotient.slope);
+            damping.act(std::slice::from_mut(&mut out), &[viscosity]);
+        }
+        Some(out)
     }
 
-    /// Returns τ/h of two bodies, and the part of a push that damping over the step leaves.
-    fn damping(&self, a: u32, b: u32, settings: &StepSettings) -> [f64; 2] {
-        let rate = self.surface.law(a, b).map_or(0.0, |law| settings.damping_rate(law.damping));
-        [rate, settings.damping_at_end]
+    /// Returns the damping between two bodies; `None` if nothing damps them.
+    fn damping(&self, a: u32, b: u32, settings: &StepSettings) -> Option<Damping> {
+        let time = self.surface.law(a, b)?.damping;
+        let rate = settings.damping_rate(time);
+        (time > 0.0).then_some(Damping { rate, kept: settings.damping_at_end })
     }
 }
 
@@ -447,12 +452,13 @@ fn assemble(
         weights: change.weights,
         normal: change.normal,
         distance: [change.gradient, change.at_end],
-        tangent: quotient.tangent,
+        tangent: quotient.stiffness,
         parallel: None,
         slope: quotient.slope,
         stiffness: quotient.stiffness,
         energy: quotient.energy,
-        dissipated: quotient.dissipated,
+        dissipated: 0.0,
+        damped: Damped::default(),
         gap: quotient.gap,
         relative: quotient.relative,
         ends: settings.moving_ends(),

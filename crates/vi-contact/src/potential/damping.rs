@@ -69,14 +69,14 @@ impl ContactPotential {
     fn normal_damper(&self, pair: &StepPair, settings: &StepSettings, velocity: &[f64]) -> Option<Damper> {
         let bodies = self.surface.bodies_of(pair.partners);
         let law = self.surface.law(bodies[0], bodies[1])?;
-        let coefficient = settings.coefficient_at_end(pair.stiffness_of_ends(), law.damping);
+        let coefficient = settings.damping_at_end * law.damping * pair.damped.curvature;
         if coefficient <= 0.0 {
             return None;
         }
         let along = &pair.distance[1][..pair.arity];
         let on_first = along[..pair.partners.first_count()].iter().sum();
         let mut damper = damper(pair.partners, bodies, &pair.nodes, along, on_first);
-        let limit = -settings.damping_at_end * pair.slope;
+        let limit = settings.damping_at_end * pair.damped.push;
         let rate = damper.rate(velocity);
         damper.coefficient = if coefficient * rate <= limit { coefficient } else { limit.max(0.0) / rate };
         (damper.coefficient > 0.0).then_some(damper)

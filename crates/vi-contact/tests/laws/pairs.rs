@@ -397,3 +397,48 @@ fn a_body_at_rest_does_not_press_on_itself() {
     assert_eq!(contact.active(&all.x), []);
     assert!(surface.points().len() > 60);
 }
+
+/// A ball against a fan of cells that wraps around it, all of whose nodes move at random. Inclusion and exclusion subtracts edges whose
+/// distances change more than those of the cells: their damping must not add energy.
+#[test]
+fn damping_of_a_fan_of_cells_never_adds_energy() {
+    let mut numbers = Numbers::new(11);
+    let cells: Vec<[u32; 3]> = (0..6).map(|k| [1, 2 + k, 2 + (k + 1) % 6]).collect();
+    let radius = 0.5;
+    let mut crowded = 0;
+    for _ in 0..500 {
+        let fan = |k: usize| {
+            let angle = k as f64 * std::f64::consts::TAU / 6.0;
+            [0.1 * angle.cos(), 0.1 * angle.sin(), 0.01]
+        };
+        let rest = [[0.0, 0.0, radius + 0.05], [0.0; 3]].into_iter().chain((0..6).map(fan));
+        let mut moved = |size: f64| -> Vec<f64> {
+            rest.clone().flatten().map(|x| x + size * (numbers.unit() - 0.5)).collect()
+        };
+        let (x0, x1) = (moved(0.04), moved(0.04));
+        let mut builder = SurfaceBuilder::new(&x0);
+        let ball = builder.body(Body { radius, ..body(0.1, 1e5) });
+        let sheet = builder.body(body(0.1, 1e5));
+        builder.point(ball, 0, 1e-2);
+        builder.triangles(sheet, &cells);
+        builder.damping(0.01);
+        let surface = builder.build().expect("a valid surface");
+        let neighbours = Neighbours::find(&surface, &x0, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let pairs = contact.step(&x0, &x1, &STEP);
+        let (mut work, mut change, mut dissipated, mut size) = (0.0, 0.0, 0.0, 0.0);
+        for pair in &pairs {
+            assert!(pair.dissipated >= 0.0, "{pair:?}");
+            dissipated += pair.dissipated;
+            change += pair.energy[1] - pair.energy[0];
+            size += pair.energy[0].abs() + pair.energy[1].abs() + pair.dissipated;
+            for (node, gradient) in pair.nodes.iter().zip(&pair.gradient).take(pair.arity) {
+                let node = 3 * *node as usize;
+                work += (0..3).map(|k| gradient[k] * (x1[node + k] - x0[node + k])).sum::<f64>();
+            }
+        }
+        assert!((work - change - dissipated).abs() <= 1e-12 * size, "{work} {change} {dissipated}");
+        crowded += usize::from(pairs.iter().any(|pair| pair.energy[1] < 0.0) && dissipated > 0.0);
+    }
+    assert!(crowded > 100, "inclusion and exclusion subtracts in {crowded} steps");
+}
