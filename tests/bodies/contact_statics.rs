@@ -273,3 +273,49 @@ motion = { kind = "translate", velocity = [0.01, 0, 0] }
     assert!(of("unexplained").abs() < 1e-12, "{energy}");
     assert!(of("scheme_error").abs() < 0.05 * expected, "{energy}");
 }
+
+/// A ball that is pressed into a block by fifty times the distance of the layer, in one load step and in forty. The tangent tells how the
+/// block gives way before the ball, so that increments are not as small as the layer.
+#[test]
+fn a_prescribed_motion_needs_no_increments_of_the_layer() {
+    let press = |step: f64, friction: f64| {
+        Program::run(&format!(
+            r#"
+[time]
+end = 1.0
+step = {step}
+[static]
+[contact]
+self = false
+distance = 1e-5
+friction = {friction}
+[[body]]
+name = "block"
+box = {{ size = [0.1, 0.1, 0.06], cells = [6, 6, 4], element = "hex8", origin = [-0.04, -0.045, -0.06] }}
+material = {{ law = "linear", young = 1e6, poisson = 0.3, density = 1000.0 }}
+[[fix]]
+body = "block"
+region = "z-min"
+[[rigid]]
+name = "ball"
+shape = {{ kind = "sphere", radius = 0.1 }}
+position = [0, 0, 0.10001]
+motion = {{ kind = "translate", velocity = [0, 0, -5e-4] }}
+[[probe]]
+name = "press"
+between = ["ball", "block"]
+sum = "contact_force"
+"#
+        ))
+    };
+    for friction in [0.0, 0.3] {
+        let [coarse, fine] = [1.0, 0.025].map(|step| press(step, friction));
+        let iterations = coarse.report()["work"]["newton_iterations"].as_u64().expect("a count");
+        // Fifty increments of four iterations each at least, if each were as small as the layer.
+        assert!(iterations < 100, "{iterations}");
+        let [force, expected] = [coarse, fine].map(|program| program.history().last("press.fz"));
+        // Friction depends on the path, to the order of the increments.
+        let tolerance = if friction == 0.0 { 1e-8 } else { 2e-3 };
+        assert!((force / expected - 1.0).abs() < tolerance, "{friction}: {force} {expected}");
+    }
+}

@@ -7,7 +7,7 @@ use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::circulation::circulatory;
 use crate::equilibrium::friction::{Friction, Rubbed};
-use crate::equilibrium::tangent_solver::TangentSolver;
+use crate::equilibrium::tangent_solver::{Demand, TangentSolver};
 use crate::equilibrium::work_done::WorkDone;
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::interrupt::Interrupt;
@@ -298,11 +298,15 @@ impl<'a> Balance<'a> {
         for (out, mass) in self.shifted_mass.iter_mut().zip(mass) {
             *out = shift * mass;
         }
+        let demand = if friction.is_some() { Demand::WITH_FRICTION } else { Demand::CORRECTION };
         let k = tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)?;
         k.diagonal(&mut self.diagonal);
         let made = match solver {
             Some(solver) if solver.serves(k) => solver,
-            other => other.insert(TangentSolver::new(*linear, k, mass, q, work)?.interruptible(interrupt)),
+            other => {
+                let new = TangentSolver::new((*linear, demand), k, mass, q, work)?;
+                other.insert(new.interruptible(interrupt))
+            }
         };
         let result = made.prepare(if shift == 0.0 { &[] } else { &self.shifted_mass }, k, q);
         self.unshifted = (shift != 0.0).then(|| k.clone());

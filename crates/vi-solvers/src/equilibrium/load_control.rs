@@ -97,8 +97,8 @@ impl Search<'_> {
         let mut last_rate = 0.0;
         // Whether dq/dt is known from a tangent at `state`.
         let mut has_velocity = false;
-        let mut may_release = true;
-        // Equilibria with friction are no stationary points of a potential, and a tangent does not tell where they lead.
+        let (mut may_release, mut may_predict) = (true, true);
+        // Equilibria with friction are no stationary points of a potential.
         let has_friction = self.balance.friction.is_some();
         let judges = self.balance.judges_stability();
         loop {
@@ -107,7 +107,7 @@ impl Search<'_> {
             for k in 0..q.len() {
                 q[k] = state.q[k] + (t - state.t) * velocity[k];
             }
-            let is_predicted = has_velocity && self.balance.lowers_energy(&state.q, &q, t);
+            let is_predicted = has_velocity && self.is_better_start(state, &q, t)?;
             if !is_predicted {
                 q.copy_from_slice(&state.q);
             }
@@ -168,16 +168,27 @@ impl Search<'_> {
                         increment *= 2.0;
                     }
                     increment = increment.abs().min(self.options.largest_increment) * span.signum();
-                    has_velocity =
-                        is_stable && !has_friction && self.velocity(state, increment, &mut velocity)?;
+                    may_predict = false;
+                    has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
                 }
                 Err(cause) if cause.is_interruption() => return Err(cause),
-                Err(_)
-                    if std::mem::take(&mut may_release)
+                // The tangent tells how bodies give way to a motion that is prescribed.
+                Err(SolverError::Blocked { .. })
+                    if std::mem::take(&mut may_predict)
+                        && self.velocity(state, increment, &mut velocity)? =>
+                {
+                    has_velocity = true;
+                }
+                // A smaller motion may not be blocked.
+                Err(cause)
+                    if (!matches!(cause, SolverError::Blocked { .. })
+                        || 0.5 * tried < self.options.smallest_increment)
+                        && std::mem::take(&mut may_release)
                         && self.report.steps.is_empty()
                         && self.release(state)? =>
                 {
                     q.copy_from_slice(&state.q);
+                    has_velocity = false;
                 }
                 Err(cause) => {
                     increment = 0.5 * tried * span.signum();
@@ -207,6 +218,21 @@ impl Search<'_> {
             let solved = rubbing::solve(balance, q, t, stop)?;
             Ok((balance.positions(q, t), solved))
         })
+    }
+
+    /// Returns whether a solve at t should begin at the prediction `q` rather than at the equilibrium `state`.
+    fn is_better_start(&mut self, state: &State, q: &[f64], t: f64) -> Result<bool, SolverError> {
+        // Where a prescribed motion passes through bodies that stay behind, forces and energy there say nothing.
+        if self.balance.check_move(state, &state.q, t).is_err() {
+            return Ok(true);
+        }
+        if self.balance.friction.is_none() {
+            return Ok(self.balance.lowers_energy(&state.q, q, t));
+        }
+        let mut r = vec![0.0; q.len()];
+        self.balance.residual(&state.q, t, &mut r)?;
+        let before = self.balance.scaled_norm(&r);
+        Ok(self.balance.residual(q, t, &mut r).is_ok() && self.balance.scaled_norm(&r) < before)
     }
 
     /// Returns the increment at which a step across an indefinite tangent is accepted.

@@ -4,6 +4,7 @@
 
 use crate::equilibrium::balance::Balance;
 use crate::equilibrium::newton::{self, Solved, Stop, factorize_somehow};
+use crate::equilibrium::tangent_solver::Demand;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
 use crate::newton::attempt::relative_error;
@@ -14,7 +15,7 @@ use crate::vectors;
 /// Relative error to which J δ = −r is solved.
 const FORCING: f64 = 1e-6;
 /// Relative accuracy of solves with A by conjugate gradients.
-const ACCURACY: f64 = 1e-8;
+const ACCURACY: f64 = Demand::WITH_FRICTION.accuracy;
 /// Smallest fraction of a correction.
 const SHORTEST: f64 = 1.0 / 64.0;
 /// Largest growth of the residual, in the norm of the diagonal of A, that a correction may cause. Corrections into a layer
