@@ -360,9 +360,8 @@ impl Contact<'_> {
             Partners::PointBody(point, body) => {
                 let node = surface.points[point as usize].node;
                 let cell = self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell))?;
-                let [a, b, c] = surface.cells[cell as usize].nodes;
-                let (shape, followed) = (surface.cells[cell as usize].shape(), self.followed(cell));
-                Some((cell, Slip::new(shape, [node, a, b, c], followed, x)?))
+                let (shape, nodes, followed) = self.frame_of(node, cell);
+                Some((cell, Slip::new(shape, nodes, followed, x)?))
             }
             Partners::PointPlane(point, plane) => {
                 let face = &surface.half_spaces[plane as usize];
@@ -386,9 +385,15 @@ impl Contact<'_> {
         }
     }
 
-    /// Returns the places, in a pair of a point and a cell, of the ends of the edge that bristles follow.
-    fn followed(&self, cell: u32) -> [usize; 2] {
-        self.surface.cells[cell as usize].followed.map(|place| 1 + place as usize)
+    /// Returns the shape and nodes of a pair of a point and a cell, and the places in it of the ends of the edge that bristles follow. The
+    /// nodes of a triangle begin at its largest angle, opposite to that edge: coordinates along the sides of a small angle have the round-off
+    /// of positions over its squared sine.
+    fn frame_of(&self, node: u32, cell: u32) -> (Shape, [u32; 4], [usize; 2]) {
+        let cell = &self.surface.cells[cell as usize];
+        let (shape, followed) = (cell.shape(), cell.followed.map(usize::from));
+        let first = if shape == Shape::PointTriangle { 3 - followed[0] - followed[1] } else { 0 };
+        let [a, b, c] = [0, 1, 2].map(|k| cell.nodes[(first + k) % 3]);
+        (shape, [node, a, b, c], followed.map(|place| 1 + (place + 3 - first) % 3))
     }
 
     /// Returns the cell of a body that is nearest to a point at x. Of cells that are equally near up to round-off, such as
@@ -437,9 +442,8 @@ impl Contact<'_> {
         }
         let node = self.surface.points[point as usize].node;
         let tangents = |cell: u32| {
-            let [a, b, c] = self.surface.cells[cell as usize].nodes;
-            let shape = self.surface.cells[cell as usize].shape();
-            Slip::new(shape, [node, a, b, c], self.followed(cell), [x, x]).map(|slip| slip.tangents)
+            let (shape, nodes, followed) = self.frame_of(node, cell);
+            Slip::new(shape, nodes, followed, [x, x]).map(|slip| slip.tangents)
         };
         let (Some(from), Some(to)) = (tangents(anchor.cell), tangents(cell)) else { return [0.0; 2] };
         let vector = from[0] * anchor.stretch[0] + from[1] * anchor.stretch[1];

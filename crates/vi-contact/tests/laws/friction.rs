@@ -251,3 +251,37 @@ fn slip_at_a_corner_is_along_the_face_that_presses() {
         assert!(error.norm() <= 1e-15, "{order:?}: {:?}", rubs[0].slip);
     }
 }
+
+/// The slip over a needle has the round-off of positions, wherever the numbering of its nodes begins: coordinates along the sides of its
+/// small angle would have that times the squared ratio of its sides.
+#[test]
+fn slip_over_a_needle_has_the_round_off_of_positions() {
+    let mut numbers = Numbers::new(3);
+    for round in 0..300 {
+        let (along, across) = (Vec3::new(0.6, 0.48, 0.64), Vec3::new(-0.8, 0.36, 0.48));
+        let normal = along.cross(&across);
+        let corner = Vec3::new(numbers.unit(), numbers.unit(), numbers.unit());
+        let mut corners = [corner, corner + along, corner + across * 2e-2 + along * (1e-3 * numbers.unit())];
+        corners.rotate_left(round % 3);
+        let foot = (corners[0] + corners[1] + corners[2]) / 3.0;
+        let x0: Vec<f64> =
+            [foot + normal * 0.05].iter().chain(&corners).flat_map(|x| [x[0], x[1], x[2]]).collect();
+        let mut builder = SurfaceBuilder::new(&x0);
+        let (ball, needle) = (builder.body(body(0.1, 1e5)), builder.body(body(0.1, 1e5)));
+        builder.point(ball, 0, 1e-2);
+        builder.triangles(needle, &[[1, 2, 3]]);
+        builder.friction(0.5);
+        let surface = builder.build().expect("a valid surface");
+        let neighbours = Neighbours::find(&surface, &x0, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let slip = along * (1e-7 * (numbers.unit() - 0.5)) + across * (1e-7 * (numbers.unit() - 0.5));
+        let mut x1 = x0.clone();
+        (0..3).for_each(|k| x1[k] += slip[k]);
+        let exact = at(&x1, 0) - at(&x0, 0);
+        let pairs = contact.step(&x0, &x1, &STEP);
+        let friction = contact.friction(&x0, &x1, &pairs, &Anchors::default(), &STEP);
+        assert_eq!(friction.len(), 1);
+        let error = (friction[0].slip - exact).norm();
+        assert!(error < 2e-15, "{round}: {error:e}");
+    }
+}
