@@ -9,7 +9,7 @@ pub(crate) mod equations;
 pub(crate) mod inverse;
 mod krylov;
 mod lagging;
-mod line_search;
+pub(crate) mod line_search;
 pub(crate) mod pair_equations;
 mod pairs;
 mod renewal;

@@ -56,6 +56,14 @@ pub(crate) trait Equations {
     fn simplify(&mut self, _evaluator: &mut Evaluator, _simple: bool) -> bool {
         false
     }
+    /// Keeps all further unknowns where the constraints are met, so that there is a merit along these; ends this if not `keeps`. Nothing
+    /// changes without constraints.
+    fn keep_constraints(&mut self, _keeps: bool) {}
+    /// Shortens the whole step until the body has no more energy at its end than at its beginning, with the work of loads, if the
+    /// unknowns are kept where constraints are met and nothing moves by prescription. Evaluates −R there.
+    fn restrain(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        Ok(())
+    }
     /// Goes to the configuration at which K is evaluated.
     fn linearize(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError>;
     /// Evaluates −R at the unknowns.

@@ -7,7 +7,7 @@ use crate::newton::equations::{Equations, Solve};
 /// A trial whose slope is below this fraction of the first one is accepted without an energy.
 pub(super) const SLOPE_KEPT: f64 = 0.9;
 /// Relative accuracy of energies.
-pub(super) const ENERGY_NOISE: f64 = 1e-14;
+pub(crate) const ENERGY_NOISE: f64 = 1e-14;
 /// Shorter steps do not change the unknowns.
 const SHORTEST: f64 = 1e-10;
 /// Fractions above this part of one that was rejected are not tried.

@@ -1,7 +1,7 @@
 //! Newton's method that ends after a fixed number of linear solves, whether it has converged or not. The model is factored
 //! once per step, with a projected Hessian, and the merit decreases with each correction. So the result is at least as
 //! good as the start, whatever the step, at a price that is known beforehand. Forces without a potential, as of wind, are linearised once
-//! per step, so that there is a merit.
+//! per step, and iterates stay where the constraints are met, so that there is a merit.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;
@@ -9,7 +9,6 @@ use crate::newton::attempt::{Solved, is_within, relative_error};
 use crate::newton::descent::{best_start, full_step};
 use crate::newton::equations::{Equations, Solve};
 use crate::newton::inverse::Reason;
-use crate::newton::line_search::keep_inside;
 use crate::newton::solver::Newton;
 use crate::newton::start::Start;
 
@@ -21,9 +20,21 @@ impl Newton {
         most: u32,
     ) -> Result<Solved, SolverError> {
         if solve.inverse.is_linear() {
-            // One solve is exact.
+            // One solve is exact. With constraints, a few solves with the same factor go to the tolerance.
             return self.solve(solve);
         }
+        solve.equations.keep_constraints(true);
+        let solved = self.with_merit(solve, most);
+        solve.equations.keep_constraints(false);
+        solved
+    }
+
+    /// Makes the corrections of equations that have a merit, or that have one once their forces are linearised.
+    fn with_merit<E: Equations>(
+        &mut self,
+        solve: &mut Solve<'_, E>,
+        most: u32,
+    ) -> Result<Solved, SolverError> {
         if solve.equations.has_merit() {
             return self.truncated(solve, most);
         }
@@ -46,35 +57,24 @@ impl Newton {
         solve.linearize()?;
         solve.factorize_as(Reason::Newton, HessianEvaluation::Projected)?;
         solve.evaluate()?;
+        let solved = self.corrections(solve, most)?;
+        solve.equations.restrain(solve.system, solve.evaluator)?;
+        Ok(solved)
+    }
+
+    /// Makes at most `most` corrections with the current factor.
+    fn corrections<E: Equations>(&self, solve: &mut Solve<'_, E>, most: u32) -> Result<Solved, SolverError> {
         let mut last: Option<f64> = None;
-        // Without a merit, the iterate before the last correction is kept: if the next correction is larger, the iteration
-        // diverges and ends there.
-        let mut before_last = Vec::new();
         for iteration in 1..=most {
             let decrement = solve.correct()?;
             solve.evaluator.work.newton_iterations += 1;
             let eta = relative_error(decrement, solve.equations.energy_scale());
-            if !solve.equations.has_merit() {
-                if last.is_some_and(|last| eta > last) {
-                    solve.equations.go_to(&before_last);
-                    solve.evaluate()?;
-                    return Ok(Solved { iterations: iteration });
-                }
-                before_last.clear();
-                before_last.extend_from_slice(solve.equations.unknowns());
-            }
             let is_done = eta == 0.0
                 || solve.equations.is_at_resolution()
                 || is_within(self.tolerance, eta, last.map(|last| eta / last));
             solve.equations.advance(0.0);
-            let fraction = match solve.merit() {
-                Some(before) => full_step(solve, before, decrement, 1.0),
-                None => {
-                    solve.equations.advance(1.0);
-                    keep_inside(solve, 1.0)
-                }
-            };
-            match fraction {
+            let before = solve.merit().unwrap_or(f64::INFINITY);
+            match full_step(solve, before, decrement, 1.0) {
                 Ok(fraction) => last = (fraction == 1.0).then_some(eta),
                 Err(SolverError::NoConvergence { .. }) => {
                     // Round-off hides any further decrease of the merit.

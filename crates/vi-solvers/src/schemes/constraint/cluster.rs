@@ -15,6 +15,12 @@ const MAX_ITERATIONS: u32 = 50;
 /// A defect counts as zero if it is below this many units of its round-off.
 const NOISE: f64 = 4.0;
 
+/// Returns whether an iteration has reached the manifold, or as near as round-off allows: |g| is `worst` units of round-off, and
+/// was `previous` before.
+pub(super) fn is_met(worst: f64, previous: f64) -> bool {
+    worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous)
+}
+
 /// Constraints that share free coordinates, with coordinates numbered from 0.
 pub(super) struct Cluster {
     pub(super) constraints: Vec<QuadraticConstraint>,
@@ -159,8 +165,7 @@ impl Cluster {
             self.place(q, x);
             let defect = self.defect();
             let (worst, which) = self.worst(&defect);
-            // q is on the manifold, or as near as round-off allows.
-            if worst <= NOISE || (worst < 1e4 && worst >= 0.5 * previous) {
+            if is_met(worst, previous) {
                 return Ok(total);
             }
             if !worst.is_finite() || iterations >= MAX_ITERATIONS {

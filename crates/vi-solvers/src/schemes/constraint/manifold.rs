@@ -165,6 +165,29 @@ impl ConstraintManifold {
         (DVector::from_vec(defects), rows)
     }
 
+    /// Returns the largest |g| in units of its round-off, at the place of the last linearisation.
+    pub(crate) fn worst(&self) -> f64 {
+        let of = |cluster: &Cluster| cluster.worst(&cluster.defect()).0;
+        self.clusters
+            .iter()
+            .map(of)
+            .fold(0.0, |worst, value| if value > worst || value.is_nan() { value } else { worst })
+    }
+
+    /// Returns the error of an iteration that did not reach the manifold, with the worst constraint at the place of the last
+    /// linearisation.
+    pub(crate) fn not_met(&self, iterations: u32) -> SolverError {
+        let mut worst = (0.0, SolverError::NoConvergence { iterations, residual: f64::NAN, tolerance: 0.0 });
+        for cluster in &self.clusters {
+            let defect = cluster.defect();
+            let (value, which) = cluster.worst(&defect);
+            if value > worst.0 || value.is_nan() {
+                worst = (value, cluster.failure(which, iterations, defect[which]));
+            }
+        }
+        worst.1
+    }
+
     /// Returns whether the constraints of any cluster depend on each other.
     pub(crate) fn is_redundant(&self) -> bool {
         self.clusters.iter().any(|cluster| cluster.is_redundant)

@@ -13,7 +13,9 @@
 //! on the ℓ in R, so Newton's method and its accelerations only see w. After the stage is solved to its tolerance, q₁
 //! is projected onto the manifold to round-off along M⁻¹Nᵀ.
 
-use nalgebra::{DMatrix, DVector};
+mod kept;
+
+use nalgebra::DVector;
 use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
@@ -21,7 +23,7 @@ use crate::error::SolverError;
 use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::inverse::Inverse;
 use crate::schemes::constraint::manifold::{ConstraintManifold, Row};
-use crate::schemes::constraint::units::{Factored, Units};
+use crate::schemes::constraint::units::Factored;
 use crate::schemes::one_stage::rule::MultiplierDirections;
 
 pub(crate) struct Multipliers {
@@ -45,10 +47,13 @@ pub(crate) struct Multipliers {
     /// Z by columns, and the number of the factor and step for which it was computed.
     z: Vec<f64>,
     z_is_of: Option<u64>,
-    /// The factors of 2c G₁ Z since the last evaluation.
+    /// The factors of s c G₁ Z since the last evaluation.
     factored: Option<Factored>,
     q_end: Vec<f64>,
     p_scratch: Vec<f64>,
+    /// Whether iterates are kept on the manifold, and why the last one did not reach it.
+    is_kept: bool,
+    failure: Option<SolverError>,
 }
 
 /// The part of a correction from which multipliers are eliminated.
@@ -84,6 +89,8 @@ impl Multipliers {
             factored: None,
             q_end: vec![0.0; n],
             p_scratch: vec![0.0; n],
+            is_kept: false,
+            failure: None,
         })
     }
 
@@ -223,20 +230,12 @@ impl Multipliers {
         let defect = |i: usize| if part == Part::Whole { self.defect[i] } else { 0.0 };
         let s = self.end_per_stage;
         let rhs = DVector::from_fn(m, |i, _| defect(i) + s * along(&self.rows[i], v));
-        let (rows, z, is_redundant) = (&self.rows, &self.z, self.manifold.is_redundant());
-        let factored = self.factored.get_or_insert_with(|| {
-            let matrix = DMatrix::from_fn(m, m, |i, j| s * c * along(&rows[i], &z[j * n..(j + 1) * n]));
-            Units::of(&matrix.diagonal().map(f64::abs)).factor(matrix, is_redundant)
-        });
+        let factored = self.factored.take().unwrap_or_else(|| self.factor(c));
         let solved = factored.solve(&rhs);
+        self.factored = Some(factored);
         // If constraints depend on each other, the projection at the end of the step reports it.
         let step = solved.unwrap_or_else(|| DVector::zeros(m));
-        for (j, change) in step.iter().enumerate() {
-            let column = &self.z[j * n..(j + 1) * n];
-            for (value, z) in v.iter_mut().zip(column) {
-                *value -= c * change * z;
-            }
-        }
+        self.move_along(c, &step, v);
         if part != Part::Trial {
             // A δ = −R − c NᵀΔℓ.
             self.manifold.add_force(step.as_slice(), -c, &mut self.load);

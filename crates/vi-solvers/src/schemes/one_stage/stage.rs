@@ -1,5 +1,7 @@
 //! The equations of one implicit stage for Newton's method: residual, start, correction, merit.
 
+mod kept;
+
 use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
@@ -231,6 +233,20 @@ pub(super) struct StageEquations<'a, R> {
     pub(super) stage: &'a mut Stage,
 }
 
+/// Returns ½ vᵀM v.
+fn inertial_energy(system: &System, inertia: &Inertia, v: &[f64], scratch: &mut Vec<f64>) -> f64 {
+    match inertia.matrix() {
+        Some(_) => {
+            let inertial = inertia.momentum(system, v, scratch);
+            vectors::sum(v.len(), |k| 0.5 * inertial.at(k) * v[k])
+        }
+        None => {
+            let mass = system.free_mass();
+            vectors::sum(v.len(), |k| 0.5 * mass[k] * v[k] * v[k])
+        }
+    }
+}
+
 impl<R: Rule> StageEquations<'_, R> {
     /// Replaces forces without a potential by those that are linearised at the last evaluation, or ends this.
     pub(super) fn hold_forces(&mut self, evaluator: &mut Evaluator, holds: bool) {
@@ -266,7 +282,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             self.stage.is_simple = simple && may_be;
             return may_be;
         }
-        if !is_forced || has_discrete || self.stage.multipliers.is_some() {
+        if !is_forced || has_discrete || self.stage.is_bound() {
             return false;
         }
         self.hold_forces(evaluator, simple);
@@ -278,7 +294,10 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn go_to(&mut self, unknowns: &[f64]) {
-        let Stage { w, base, .. } = &mut *self.stage;
+        let Stage { w, base, multipliers, .. } = &mut *self.stage;
+        if let Some(multipliers) = multipliers {
+            multipliers.keep(multipliers.is_kept());
+        }
         w.copy_from_slice(unknowns);
         base.copy_from_slice(unknowns);
     }
@@ -287,7 +306,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         if let Some(multipliers) = &mut self.stage.multipliers {
             multipliers.forget_directions();
         }
-        let Stage { c, history: [last, older, oldest], history_count, w, base, offset, .. } = self.stage;
+        let Stage { c, history: [last, older, oldest], history_count, w, offset, .. } = &mut *self.stage;
         match (start, *history_count) {
             (Start::Predicted, 2..) => vectors::fill(w, |k| *c * (2.0 * last[k] - older[k])),
             // Exact for linear sequences and for values that change their sign at every step.
@@ -297,6 +316,8 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
             (Start::Predicted | Start::Stiff | Start::Inertial, _) => w.fill(0.0),
             (Start::Still, _) => vectors::fill(w, |k| -offset[k]),
         }
+        self.stage.meet_constraints(self.system, true);
+        let Stage { w, base, .. } = &mut *self.stage;
         base.copy_from_slice(w);
     }
 
@@ -343,6 +364,20 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         3.0_f64.sqrt() * FARTHEST * motion + bound
     }
 
+    fn keep_constraints(&mut self, keeps: bool) {
+        if let Some(multipliers) = &mut self.stage.multipliers {
+            multipliers.keep(keeps);
+        }
+    }
+
+    fn restrain(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        // Supports that move give energy by the forces of constraints, which are not known well enough to judge the end by.
+        match self.stage.is_kept() && !system.coordinates().is_moving() {
+            true => self.shorten_step(system, evaluator),
+            false => Ok(()),
+        }
+    }
+
     fn linearize(&mut self, _system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         // The last evaluation was made at the iterate, with the last correction.
         evaluator.set_step(if self.stage.is_simple { None } else { self.rule.step() });
@@ -350,6 +385,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn evaluate(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
+        if let Some(failure) = self.stage.off_constraints() {
+            return Err(failure.clone());
+        }
         self.stage.evaluate(system, self.rule, evaluator)?;
         let (gradient, free) = (evaluator.gradient(), system.coordinates().free());
         let Stage { w, c, added, residual, scratch, .. } = &mut *self.stage;
@@ -360,9 +398,16 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
         let Stage { correction, residual, w, base, c, multipliers, .. } = self.stage;
+        base.copy_from_slice(w);
+        if let Some(multipliers) = multipliers.as_mut().filter(|multipliers| multipliers.is_kept()) {
+            correction.copy_from_slice(multipliers.balance(*c, inverse, evaluator, residual)?);
+            inverse.apply(evaluator, correction)?;
+            multipliers.project_change(*c, inverse, evaluator, correction)?;
+            let load = multipliers.load();
+            return Ok(vectors::sum(load.len(), |k| load[k] * correction[k]) / *c);
+        }
         correction.copy_from_slice(residual);
         inverse.apply(evaluator, correction)?;
-        base.copy_from_slice(w);
         if let Some(multipliers) = multipliers {
             return multipliers.correct(*c, inverse, evaluator, residual, correction);
         }
@@ -375,8 +420,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     }
 
     fn advance(&mut self, fraction: f64) {
-        let Stage { w, base, correction, .. } = self.stage;
+        let Stage { w, base, correction, .. } = &mut *self.stage;
         vectors::fill(w, |k| base[k] + fraction * correction[k]);
+        self.stage.meet_constraints(self.system, false);
     }
 
     fn slope(&self) -> f64 {
@@ -386,26 +432,17 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn has_merit(&self) -> bool {
         let is_forced = self.stage.is_forced && !self.stage.holds_forces;
-        let is_plain = !is_forced && self.stage.multipliers.is_none() && !self.stage.has_discrete;
+        let is_plain = !is_forced && !self.stage.is_bound() && !self.stage.has_discrete;
         (!self.rule.has_correction() || self.stage.is_simple) && is_plain
     }
 
     fn merit(&mut self, system: &System, evaluator: &mut Evaluator) -> Option<f64> {
-        if !self.has_merit() {
+        if !self.has_merit() || self.stage.off_constraints().is_some() {
             return None;
         }
         self.stage.configure();
         let Stage { w, c, scratch, .. } = &mut *self.stage;
-        let kinetic = match self.inertia.matrix() {
-            Some(_) => {
-                let inertial = self.inertia.momentum(system, w, scratch);
-                vectors::sum(w.len(), |k| 0.5 * inertial.at(k) * w[k]) / *c
-            }
-            None => {
-                let mass = system.free_mass();
-                vectors::sum(w.len(), |k| 0.5 * mass[k] * w[k] * w[k]) / *c
-            }
-        };
+        let kinetic = inertial_energy(system, self.inertia, w, scratch) / *c;
         Some(kinetic + evaluator.energy(system, &self.stage.q, self.stage.t))
     }
 
