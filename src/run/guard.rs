@@ -45,7 +45,7 @@ pub(crate) struct Growth {
     largest: f64,
     /// The exchange, J.
     pub(crate) exchange: f64,
-    /// Growth at the last intervention, which is accepted, J.
+    /// Growth that is accepted because the run cannot go back to before it, J.
     accepted: f64,
     /// Least work of damping so far, J.
     damped: f64,
@@ -67,6 +67,9 @@ record!(Watched { growth: Growth, events: Option<Vec<GuardEvent>> });
 const SUSPICIOUS: f64 = 1.1;
 /// Number of steps between states that a guard can go back to.
 pub(super) const STRIDE: u64 = 16;
+/// Part of the bound that the growth of a state to go back to may take. The rest is left for what follows, so that the bound holds for the
+/// whole run, however often the guard acts.
+const KEPT_BELOW: f64 = 0.5;
 
 /// When and how a guard acts.
 #[derive(Debug, Clone, Copy)]
@@ -132,7 +135,12 @@ impl EnergyGuard {
 
     /// Returns whether a state to go back to is kept after this step.
     pub(crate) fn keeps(&self, step: u64) -> bool {
-        step.is_multiple_of(self.watching.stride.max(STRIDE))
+        step.is_multiple_of(self.watching.stride.max(STRIDE)) && self.growth.now <= self.kept_below()
+    }
+
+    /// Returns the growth beyond which no state is kept, J.
+    fn kept_below(&self) -> f64 {
+        KEPT_BELOW * self.watching.rule.bound * self.growth.exchange
     }
 
     /// Records an observation and the energy ledger up to it.
@@ -169,12 +177,12 @@ impl EnergyGuard {
         (steps > 2).then_some(bound.max(error))
     }
 
-    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good
-    /// point; further growth counts from there.
+    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good point. What had
+    /// grown until there counts, beside what exceeds a part of the bound: a run that goes on from a checkpoint goes back no further.
     pub(crate) fn act(&mut self, step: u64, t: f64, action: String, seen: Growth) {
         let event = GuardEvent { step, t, joules: seen.now, relative: seen.now / seen.exchange, action };
         self.events.push(event);
-        self.growth.accepted = self.growth.accepted.max(self.growth.now);
+        self.growth.accepted = self.growth.accepted.max(self.growth.now - self.kept_below());
     }
 
     /// Returns the largest growth relative to the exchange; zero if there was none.
