@@ -8,6 +8,7 @@ mod store;
 
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
 use vi_mesh::Mesh;
 
 use crate::record::{self, Bytes, Damage, record};
@@ -218,6 +219,18 @@ impl Origin {
             });
         }
         parsed
+    }
+
+    /// Returns the account of the choice that `auto` made, for report.json; null without one.
+    ///
+    /// # Errors
+    /// Returns [`CheckpointError::Unfit`] if it is no JSON.
+    pub(crate) fn account_of_auto(&self) -> Result<Value, CheckpointError> {
+        if self.auto.is_empty() {
+            return Ok(Value::Null);
+        }
+        let account = serde_json::from_str(&self.auto);
+        account.map_err(|error| CheckpointError::Unfit(format!("its account of `auto`: {error}")))
     }
 
     /// Returns the scene with the choice that `auto` made.

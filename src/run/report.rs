@@ -7,7 +7,6 @@ use serde::Serialize;
 use serde_json::{Map, Value, json};
 use vi_solvers::SolverError;
 
-use crate::auto::AutoReport;
 use crate::run::provenance::Provenance;
 use crate::run::results::Results;
 use crate::scene::Scene;
@@ -105,7 +104,7 @@ pub struct Report {
 impl Report {
     pub(crate) fn new(
         simulation: &Simulation,
-        auto: Option<&AutoReport>,
+        auto: Value,
         name: &str,
         found: &Result<Option<StabilityNote>, SolverError>,
     ) -> Self {
@@ -116,7 +115,7 @@ impl Report {
         let idle = components.iter().filter(|component| component.stepper().is_none()).count();
         let mut notes = simulation.notes().to_vec();
         notes.extend(stability::warning(found, method));
-        notes.extend(auto.and_then(|auto| auto.warning.clone()));
+        notes.extend(auto["warning"].as_str().map(str::to_owned));
         Self {
             provenance: Provenance {
                 ranks: simulation.ranks().cloned(),
@@ -146,7 +145,7 @@ impl Report {
             stepping_seconds: 0.0,
             output_seconds: 0.0,
             estimating_seconds: 0.0,
-            auto: json!(auto),
+            auto,
             estimate: Map::new(),
             substeps: Value::Null,
             adaptive: Value::Null,

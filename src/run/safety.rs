@@ -93,12 +93,13 @@ impl Run {
     pub(super) fn save_as(&mut self, now: Snapshot) -> Result<(), RunError> {
         let Some((_, origin)) = &self.store else { return Ok(()) };
         let mut origin = origin.clone();
-        if let Some(auto) = &self.auto {
+        let auto = &self.report.auto;
+        if !auto.is_null() {
             let time = &self.simulation.scene().time;
             let scheme = serde_json::json!(time.scheme).as_str().unwrap_or_default().to_owned();
             let stages = time.stages.unwrap_or(0) as u64;
             origin.choice = Some((scheme, (stages, self.simulation.step_count())));
-            origin.auto = serde_json::json!(auto).to_string();
+            origin.auto = auto.to_string();
         }
         self.observers.sync(&self.directory)?;
         let good = match self.good.take() {
@@ -144,10 +145,6 @@ impl Run {
         report.setup_seconds = setup;
         report.stepping_seconds = stepping;
         report.output_seconds = output;
-        if !was.origin.auto.is_empty() {
-            report.auto = serde_json::from_str(&was.origin.auto)
-                .map_err(|error| CheckpointError::Unfit(format!("its account of `auto`: {error}")))?;
-        }
         Ok(())
     }
 }

@@ -8,7 +8,6 @@ use super::checkpoint::{Origin, Snapshots, Store};
 use super::claim::Claim;
 use super::observers::Observers;
 use super::report::Report;
-use crate::auto::AutoReport;
 use crate::simulation::stability::StabilityNote;
 use crate::simulation::{Observation, Simulation, Snapshot};
 
@@ -24,7 +23,6 @@ pub(super) struct Run {
     /// The newest row of history.csv and its step, until the watch has been told.
     pub(super) row: Option<(u64, Observation)>,
     pub(super) report: Report,
-    pub(super) auto: Option<AutoReport>,
     pub(super) stability: Result<Option<StabilityNote>, SolverError>,
     pub(super) claim: Claim,
 }

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use serde_json::Value;
 use vi_core::State;
 use vi_io::IoError;
 use vi_solvers::{SolverError, StepError};
@@ -54,6 +55,7 @@ impl Run {
         directory::prepare(directory, name, simulation.scene())?;
         let path = directory.join("history.csv");
         let history = |names: &[String], columns| HistoryWriter::create(&path, names, columns);
+        let auto = serde_json::json!(auto);
         let (mut run, first) = Self::build(simulation, auto, name, claim, directory, origin, history)?;
         if !first.is_finite() {
             // Such a state cannot be written.
@@ -82,7 +84,8 @@ impl Run {
         let bytes = checkpoint.history_bytes;
         let history = |_: &[String], columns| HistoryWriter::resume(&path, columns, bytes);
         let origin = checkpoint.origin.clone();
-        let (mut run, _) = Self::build(simulation, None, name, claim, directory, Some(origin), history)?;
+        let auto = origin.account_of_auto()?;
+        let (mut run, _) = Self::build(simulation, auto, name, claim, directory, Some(origin), history)?;
         run.reinstate(checkpoint)?;
         // The report of the interrupted run is no longer valid.
         let report = directory.join("report.json");
@@ -93,9 +96,10 @@ impl Run {
         Ok(run)
     }
 
+    /// Builds a run; `auto` is the account of the choice that scheme `auto` made, or null.
     fn build(
         mut simulation: Simulation,
-        auto: Option<AutoReport>,
+        auto: Value,
         name: &str,
         claim: Claim,
         directory: &Path,
@@ -118,10 +122,10 @@ impl Run {
         let frames = schedule
             .map(|schedule| FrameWriter::create(directory, name, &simulation, schedule))
             .transpose()?;
-        let mut report = Report::new(&simulation, auto.as_ref(), name, &stability);
-        report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
         // The program may halve a step that it chose itself.
-        let is_auto = auto.is_some() || origin.as_ref().is_some_and(|origin| !origin.auto.is_empty());
+        let is_auto = !auto.is_null();
+        let mut report = Report::new(&simulation, auto, name, &stability);
+        report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
         let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::unasked() };
         let mut rule = scene.guard.unwrap_or(unasked);
         let method = simulation.method().facts();
@@ -175,7 +179,6 @@ impl Run {
             store,
             stability,
             claim,
-            auto,
         };
         Ok((run, first))
     }

@@ -123,6 +123,41 @@ fn every_scheme_continues_to_the_same_bits() {
     }
 }
 
+/// A run whose scheme and step were chosen by trials continues with their account, warnings included: two boxes that collide, of whose
+/// error no trial gives a measure.
+#[test]
+fn a_chosen_scheme_continues_with_its_account() {
+    let rigid = |name: &str, place: &str, velocity: &str, turn: &str| {
+        format!(
+            "[[rigid]]\nname = \"{name}\"\nshape = {{ kind = \"box\", size = [0.2, 0.15, 0.1] }}\ndensity = 1000.0\n\
+             position = {place}\nvelocity = {velocity}\nangular_velocity = {turn}\n"
+        )
+    };
+    let time = "[time]\nend = 0.2\nstep = 1e-3\nscheme = \"auto\"\n[contact]\nfriction = 0.3\n[checkpoint]\ninterval = 0.05\nkeep = 20\n";
+    let boxes = [
+        rigid("a", "[0.0, 0.0, 0.0]", "[1.0, 0.0, 0.0]", "[3.0, 10.0, -5.0]"),
+        rigid("b", "[0.35, 0.05, 0.03]", "[-1.0, 0.1, 0.0]", "[0.0, -4.0, 8.0]"),
+    ];
+    let scene = Scene::parse(&format!("{time}{}", boxes.concat()), &[]).scene.unwrap();
+    let whole = tempfile::tempdir().unwrap();
+    let report = run(scene.clone(), "test", whole.path(), &mut ()).unwrap();
+    assert!(report.notes.iter().any(|note| note.contains("did not measure the error")), "{:?}", report.notes);
+    // The same run, stopped after its second checkpoint.
+    let part = tempfile::tempdir().unwrap();
+    let files = || std::fs::read_dir(whole.path()).unwrap().map(|entry| entry.unwrap().path());
+    let mut checkpoints: Vec<_> =
+        files().filter(|path| path.extension().is_some_and(|ending| ending == "vck")).collect();
+    checkpoints.sort();
+    assert!(checkpoints.len() > 2, "{checkpoints:?}");
+    let is_later =
+        |path: &std::path::PathBuf| checkpoints[2..].contains(path) || path.ends_with("report.json");
+    for path in files().filter(|path| !is_later(path)) {
+        std::fs::copy(&path, part.path().join(path.file_name().unwrap())).unwrap();
+    }
+    resume(scene, &newest(part.path()).unwrap().checkpoint, part.path(), &mut ()).unwrap();
+    assert_same(whole.path(), part.path(), "auto");
+}
+
 /// A run that ends between the state that its guard would go back to and the growth that it finds goes back to that same state
 /// when it continues, however often it is stopped on the way.
 #[test]
