@@ -197,14 +197,16 @@ impl Start<'_> {
     /// Moves bodies until none touch or cross, and returns the moves. Joined bodies move together.
     ///
     /// # Errors
-    /// Returns an error if a pair cannot be separated.
+    /// Returns an error that names the bodies if a pair cannot be separated, or comes together again each time that another one is separated.
     pub(super) fn part(&self, state: &mut State) -> Result<Vec<Parted>, String> {
         let mut parted: Vec<Parted> = Vec::new();
         let energy = |x: &[f64]| {
             let energies = Assembler::new(self.system).energies(x, 0.0);
             energies.elastic + energies.gravity + energies.load
         };
-        for _ in 0..MOVES * self.parts.len() {
+        // The number of moves, and the pair that the last one separated.
+        let (mut moves, mut separated) = (0, [0; 2]);
+        loop {
             let x = self.system.positions(state);
             let gaps = self.term.at(&x).smallest_gaps(&x);
             let name = |part: usize| name_of(self.scene, self.parts[part].0);
@@ -215,6 +217,11 @@ impl Start<'_> {
                 ));
             }
             let Some(&[a, b]) = self.offending(&x, &gaps).first() else { return Ok(parted) };
+            if moves == MOVES * self.parts.len() {
+                let [[a, b], [c, d]] = [[a, b], separated].map(|pair| pair.map(name));
+                return Err(format!("separating '{c}' and '{d}' brings '{a}' and '{b}' together again"));
+            }
+            (moves, separated) = (moves + 1, [a, b]);
             let (first, second) = (self.group(a), self.group(b));
             let is_one = first == second;
             let mover =
@@ -246,6 +253,5 @@ impl Start<'_> {
                 None => parted.push(Parted { bodies, by: way.into(), energy: change }),
             }
         }
-        Err("separating one pair brings another one together again".to_owned())
     }
 }

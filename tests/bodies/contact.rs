@@ -361,6 +361,42 @@ fn a_start_that_touches_is_parted_where_that_is_asked_for() {
     assert!(program.errors().contains("neither 'block' nor 'floor' can be moved"), "{}", program.errors());
 }
 
+/// A box between two plates that leave it no room comes out of one into the other. The error names both pairs.
+#[test]
+fn a_start_that_cannot_be_parted_names_the_pairs() {
+    let program = Program::try_run(
+        r#"
+[time]
+end = 1e-3
+step = 1e-3
+scheme = "energy-momentum"
+[contact]
+resolve = true
+[[rigid]]
+name = "floor"
+shape = { kind = "plane", normal = [0, 0, 1] }
+fixed = true
+[[rigid]]
+name = "ceiling"
+shape = { kind = "plane", normal = [0, 0, -1] }
+position = [0.0, 0.0, 0.09]
+fixed = true
+[[rigid]]
+name = "box"
+shape = { kind = "box", size = [0.1, 0.1, 0.1] }
+position = [0.0, 0.0, 0.05]
+density = 1000.0
+"#,
+        &[],
+    );
+    assert_eq!(program.code(), Some(2));
+    let said = program.errors();
+    assert!(said.contains("together again"), "{said}");
+    for name in ["'floor'", "'ceiling'", "'box'"] {
+        assert!(said.contains(name), "{name}: {said}");
+    }
+}
+
 /// Joined bodies are moved together, and the potential energy that this takes is that of all of them.
 #[test]
 fn joined_bodies_are_parted_as_one() {
