@@ -2,6 +2,7 @@
 //! times SI moves as it does in SI, to the bit. A translated scene moves as the original does, to the round-off of its
 //! coordinates.
 
+mod contact;
 mod parts;
 mod scenes;
 

@@ -15,6 +15,7 @@ mod options;
 mod ranks;
 mod schemes;
 mod scratch;
+mod unit_of_mass;
 mod vectors;
 mod work;
 

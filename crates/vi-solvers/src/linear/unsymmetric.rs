@@ -7,6 +7,7 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
+use vi_core::binary_exponent;
 
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
@@ -147,21 +148,31 @@ impl Unsymmetric {
             place.map_or(0.0, |place| larger(0.0, column.values[place]))
         };
         let diagonal: Vec<f64> = self.columns.iter().enumerate().map(diagonal).collect();
-        let of_motion: Vec<f64> =
-            diagonal.iter().map(|&entry| if entry == 0.0 { 1.0 } else { 1.0 / entry.sqrt() }).collect();
+        // Take roots in a unit that is a power of two, so that the factors do not depend on units.
+        let first = diagonal.iter().copied().find(|entry| *entry != 0.0);
+        let per_unit = first.map_or(1.0, |entry| 2.0_f64.powi(-binary_exponent(entry)));
+        let of_columns: Vec<f64> = diagonal
+            .iter()
+            .map(|&entry| if entry == 0.0 { 1.0 } else { 1.0 / (per_unit * entry).sqrt() })
+            .collect();
+        let of_rows: Vec<f64> = of_columns
+            .iter()
+            .zip(&diagonal)
+            .map(|(&factor, &entry)| if entry == 0.0 { 1.0 } else { per_unit * factor })
+            .collect();
         let (mut rows, mut columns) = (vec![0.0_f64; size], vec![0.0_f64; size]);
         for (j, column) in self.columns.iter().enumerate() {
             for (&i, &value) in column.rows.iter().zip(&column.values) {
                 let i = i as usize;
-                rows[i] = larger(rows[i], value * of_motion[j]);
-                columns[j] = larger(columns[j], value * of_motion[i]);
+                rows[i] = larger(rows[i], value * of_columns[j]);
+                columns[j] = larger(columns[j], value * of_rows[i]);
             }
         }
         let is_sound = |value: &f64| value.is_finite() && *value > 0.0;
         if !rows.iter().chain(&columns).all(is_sound) {
             return Err(SolverError::Singular { rows: size });
         }
-        for largest in [&mut rows, &mut columns] {
+        for (largest, of_motion) in [(&mut rows, &of_rows), (&mut columns, &of_columns)] {
             for (k, value) in largest.iter_mut().enumerate() {
                 *value = if diagonal[k] == 0.0 { 1.0 / *value } else { of_motion[k] };
             }

@@ -84,6 +84,11 @@ pub(crate) trait Equations {
     fn energy_scale(&self) -> f64;
     /// Returns whether δ is below the resolution of the numbers that hold the configuration.
     fn is_at_resolution(&self) -> bool;
+
+    /// Returns factors that make lengths of the unknowns, m; `None` if all unknowns are lengths.
+    fn levers(&self) -> Option<Vec<f64>> {
+        None
+    }
 }
 
 /// A solve in progress: the equations of a system, with its evaluator and an inverse of their model.

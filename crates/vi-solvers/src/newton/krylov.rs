@@ -1,6 +1,7 @@
 //! A full Newton step for equations whose Jacobian J differs from their model A: coupled stages, forces without a
 //! potential, discrete gradients. GMRES solves J δ = −R, preconditioned by A⁻¹, with products with J by differences of R;
 //! it needs only residuals and corrections of the equations. The step is shortened until A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
+//! Norms are those of lengths: directors of rigid bodies, whose numbers are none, count with their levers.
 
 use crate::error::SolverError;
 use crate::linear::gmres;
@@ -22,8 +23,9 @@ pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, Solver
     // Store the point of the last correction.
     solve.equations.advance(0.0);
     let place = solve.equations.unknowns().to_vec();
-    let delta = direction(solve, &place, &first)?;
-    let size = norm(&first);
+    let lengths = Lengths(solve.equations.levers());
+    let delta = direction(solve, &lengths, &place, &first)?;
+    let size = norm(&lengths.of(&first));
     solve.equations.go_to(&place);
     solve.equations.correction().0.copy_from_slice(&delta);
     let longest = solve.largest_step();
@@ -32,7 +34,9 @@ pub(super) fn step<E: Equations>(solve: &mut Solve<'_, E>) -> Result<f64, Solver
     while fraction >= SHORTEST * longest {
         solve.evaluator.work.line_searches += 1;
         match correct_along(solve, &place, &delta, fraction) {
-            Ok(correction) if norm(correction) <= (1.0 - 0.25 * fraction) * size => return Ok(fraction),
+            Ok(correction) if norm(&lengths.of(correction)) <= (1.0 - 0.25 * fraction) * size => {
+                return Ok(fraction);
+            }
             Ok(_) => {}
             Err(error) => failure = Some(error),
         }
@@ -60,13 +64,37 @@ fn correct_along<'a, E: Equations>(
 /// Returns δ with ‖A⁻¹(R + Jδ)‖ ≤ forcing · ‖A⁻¹R‖; `first` = −A⁻¹R.
 fn direction<E: Equations>(
     solve: &mut Solve<'_, E>,
+    lengths: &Lengths,
     place: &[f64],
     first: &[f64],
 ) -> Result<Vec<f64>, SolverError> {
-    let length = DIFFERENCE * norm(place).max(norm(first));
+    let as_lengths = lengths.of(first);
+    let length = DIFFERENCE * norm(&lengths.of(place)).max(norm(&as_lengths));
     let product = |v: &[f64]| {
-        let there = correct_along(solve, place, v, length)?;
-        Ok(first.iter().zip(there).map(|(a, b)| (a - b) / length).collect())
+        let there = correct_along(solve, place, &lengths.back(v), length)?;
+        let change: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
+        Ok(lengths.of(&change))
     };
-    gmres::solve(product, first, FORCING, BASIS).map(|(delta, _)| delta)
+    gmres::solve(product, &as_lengths, FORCING, BASIS).map(|(delta, _)| lengths.back(&delta))
+}
+
+/// The factors that make lengths of the unknowns, m; `None` if all are lengths.
+struct Lengths(Option<Vec<f64>>);
+
+impl Lengths {
+    /// Returns the lengths of changes of the unknowns.
+    fn of(&self, v: &[f64]) -> Vec<f64> {
+        match &self.0 {
+            Some(levers) => v.iter().zip(levers).map(|(v, lever)| v * lever).collect(),
+            None => v.to_vec(),
+        }
+    }
+
+    /// Returns the changes of the unknowns that have these lengths.
+    fn back(&self, v: &[f64]) -> Vec<f64> {
+        match &self.0 {
+            Some(levers) => v.iter().zip(levers).map(|(v, lever)| v / lever).collect(),
+            None => v.to_vec(),
+        }
+    }
 }

@@ -6,7 +6,7 @@ use vi_core::{MassFilter, Padded, System};
 use crate::assemble::links::links;
 use crate::error::SolverError;
 use crate::schemes::lanczos::{self, SymmetricOperator};
-use crate::schemes::stability::per_unit;
+use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 /// Returns the filter of the lumped mass of `system`, whose strain energies are at rest at positions `x` of all
@@ -33,7 +33,8 @@ fn highest_eigenvalue(system: &System, filter: &MassFilter) -> Result<f64, Solve
         return Ok(0.0);
     }
     let [spread, image] = [(); 2].map(|()| vec![Padded::default(); system.mass().len() / 3]);
-    let mut laplacian = Laplacian { system, filter, unit: per_unit(system), spread, image };
+    let mut laplacian =
+        Laplacian { system, filter, unit: per_unit_of_mass(system.free_mass()), spread, image };
     Ok(lanczos::largest_eigenvalue(&mut laplacian, n)?.max(0.0))
 }
 

@@ -10,6 +10,7 @@ use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::schemes::lanczos::{self, SymmetricOperator};
+use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 /// Largest hω of a step that resolves live terms. Errors of energy, relative to the kinetic energy, of the bar of
@@ -66,8 +67,10 @@ impl Resolution {
         let Some(stiffness) = evaluator.live_hessian().filter(|stiffness| !stiffness.is_zero()) else {
             return Ok(());
         };
-        let inverse_root_mass = system.free_mass().iter().map(|mass| 1.0 / mass.sqrt()).collect();
-        let mut operator = Scaled { stiffness, inverse_root_mass, scaled: Vec::new() };
+        let per_unit = per_unit_of_mass(system.free_mass());
+        let inverse_root_mass =
+            system.free_mass().iter().map(|mass| 1.0 / (per_unit * mass).sqrt()).collect();
+        let mut operator = Scaled { stiffness, per_unit, inverse_root_mass, scaled: Vec::new() };
         let frequency = lanczos::highest(&mut operator, system.free_mass().len(), ACCURACY)?.omega;
         let Self { scheme, h } = self;
         if h * frequency <= LIMIT {
@@ -106,17 +109,19 @@ impl Resolution {
 /// M^(−½) K M^(−½) with the lumped mass.
 struct Scaled<'a> {
     stiffness: &'a SymmetricMatrix,
+    /// The inverse of the unit of mass of the roots.
+    per_unit: f64,
     inverse_root_mass: Vec<f64>,
     scaled: Vec<f64>,
 }
 
 impl SymmetricOperator for Scaled<'_> {
     fn apply(&mut self, v: &[f64], out: &mut [f64]) -> Result<(), SolverError> {
-        let Self { stiffness, inverse_root_mass, scaled } = self;
+        let Self { stiffness, per_unit, inverse_root_mass, scaled } = self;
         scaled.clear();
         scaled.extend(v.iter().zip(&*inverse_root_mass).map(|(v, root)| v * root));
         stiffness.multiply(scaled, out);
-        vectors::update(out, |k, out| *out *= inverse_root_mass[k]);
+        vectors::update(out, |k, out| *out *= inverse_root_mass[k] * *per_unit);
         Ok(())
     }
 

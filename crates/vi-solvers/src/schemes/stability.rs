@@ -5,11 +5,12 @@
 //! The result transforms as a frequency does. Translations of the body change it only by the round-off of its
 //! coordinates. A change of the units of length, mass and time by powers of two changes no bit of it.
 
-use vi_core::{LanczosStart, State, System, binary_exponent};
+use vi_core::{LanczosStart, State, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
 use crate::schemes::lanczos::{self, HighestFrequency, SymmetricOperator, Tridiagonal, noise, normalize};
+use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 /// Relative error of λ_max below which the estimate is accurate enough.
@@ -41,7 +42,7 @@ fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> 
     let shared = system.terms().shared()?;
     let (n, t) = (system.coordinates().free_count(), state.t);
     let displacement = displacement(system, &system.positions(state)).ok()?;
-    let per_unit = per_unit(system);
+    let per_unit = per_unit_of_mass(system.free_mass());
     let norm = vectors::sum(n, |k| noise(k as u64) * noise(k as u64)).sqrt();
     let vector = |k: usize| noise(k as u64) / norm;
     if n == 0 || !shared.start_lanczos(&state.q, t, &LanczosStart { per_unit, displacement, vector: &vector })
@@ -63,11 +64,6 @@ fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> 
             return Some(found);
         }
     }
-}
-
-/// Returns the inverse of a unit of mass, which is a power of two.
-pub(crate) fn per_unit(system: &System) -> f64 {
-    system.free_mass().first().map_or(1.0, |mass| 2.0_f64.powi(-binary_exponent(*mass)))
 }
 
 /// Returns a bound of the highest frequency about a state, whose relative error of λ_max is at most `accuracy`.
@@ -176,7 +172,7 @@ impl Operator {
         let evaluator = if is_in_drift { evaluator.without_live() } else { evaluator };
         let coordinates = system.coordinates();
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
-        let (per_unit, q) = (per_unit(system), vec![0.0; system.free_mass().len()]);
+        let (per_unit, q) = (per_unit_of_mass(system.free_mass()), vec![0.0; system.free_mass().len()]);
         Self { evaluator, per_unit, sizes: [DIFFERENCE; 2], kind, q }
     }
 

@@ -77,6 +77,19 @@ impl Cluster {
         nodes.filter(|(_, is_director)| !**is_director).map(|(inverse, _)| 1.0 / inverse[0]).sum()
     }
 
+    /// Returns the largest change of its free coordinates from `before`, in their order, to their values in q. It is relative to the
+    /// farthest point, and for directors, which are not lengths, to the longest of them.
+    pub(super) fn relative_change(&self, before: &[f64], q: &[f64]) -> f64 {
+        let (mut change, mut size) = ([0.0_f64; 2], [0.0_f64; 2]);
+        for (place, (&k, before)) in self.free.iter().zip(before).enumerate() {
+            let (kind, now) = (usize::from(self.is_director[place / 3]), q[k as usize]);
+            change[kind] = change[kind].max((now - before).abs());
+            size[kind] = size[kind].max(now.abs());
+        }
+        let relative = |kind: usize| if change[kind] == 0.0 { 0.0 } else { change[kind] / size[kind] };
+        relative(0).max(relative(1))
+    }
+
     /// Sets the configuration to q; reads prescribed coordinates from `x`.
     pub(super) fn place(&mut self, q: &[f64], x: &[f64]) {
         for (k, y) in self.y.iter_mut().enumerate() {

@@ -9,7 +9,7 @@
 //! ```text
 //! Sᵀ (M + c ∂f/∂y + (c/2) Σ ℓ_i ∂²g_i/∂q²) T z = −Sᵀ R,   y ← y + T z
 //! ```
-//! The columns of S are a basis of the null space of N M⁻¹, orthonormal in the norm of M, so Sᵀ removes Nᵀℓ. Those of T are the
+//! The columns of S are a basis of the null space of N M⁻¹, orthonormal in the norm of M in a unit of mass, so Sᵀ removes Nᵀℓ. Those of T are the
 //! columns of S without their parts across the manifold at y.
 
 use nalgebra::{DMatrix, DVector};
@@ -18,6 +18,7 @@ use vi_core::System;
 use crate::error::SolverError;
 use crate::index::{NONE, free_of};
 use crate::schemes::constraint::cluster::{Cluster, clusters};
+use crate::unit_of_mass::per_unit_of_mass;
 
 /// Largest number of times that the directions of a free drift are renewed. The error decreases by about (ωh/2)² each time for
 /// bodies that spin at the rate ω.
@@ -33,6 +34,8 @@ pub(crate) struct ConstrainedBodies {
     nodes: Vec<Vec<u32>>,
     /// Mass of the points of each cluster, kg. Directors do not count.
     mass: Vec<f64>,
+    /// The inverse of the unit of mass in whose norm bases are orthonormal.
+    per_unit: f64,
     is_ranked: bool,
 }
 
@@ -56,7 +59,7 @@ impl ConstrainedBodies {
         }
         let nodes: Vec<Vec<u32>> = clusters.iter().map(Cluster::nodes).collect();
         let mass = clusters.iter().map(Cluster::mass_of_points).collect();
-        Some(Self { clusters, nodes, mass, is_ranked: false })
+        Some(Self { clusters, nodes, mass, per_unit: per_unit_of_mass(system.free_mass()), is_ranked: false })
     }
 
     /// Returns the nodes of each cluster, three coordinates per node.
@@ -92,14 +95,9 @@ impl ConstrainedBodies {
                 let lambda = cluster.project_positions(end, &[], 0.5 * h)?;
                 let impulse = cluster.normal.tr_mul(&lambda);
                 cluster.free.iter().zip(&impulse).for_each(|(&k, value)| impulses[k as usize] = -value);
-                let (mut change, mut size) = (0.0_f64, 0.0_f64);
-                for (&k, before) in cluster.free.iter().zip(&mut before) {
-                    let now = end[k as usize];
-                    change = change.max((now - *before).abs());
-                    size = size.max(now.abs());
-                    *before = now;
-                }
-                if change <= NOISE * size || (change <= 1e-12 * size && change >= 0.5 * last) {
+                let change = cluster.relative_change(&before, end);
+                cluster.free.iter().zip(&mut before).for_each(|(&k, before)| *before = end[k as usize]);
+                if change <= NOISE || (change <= 1e-12 && change >= 0.5 * last) {
                     break;
                 }
                 if round == MOST_ROUNDS {
@@ -140,7 +138,7 @@ impl ConstrainedBodies {
     ) -> Result<TangentSpace, SolverError> {
         let cluster = &mut self.clusters[cluster];
         let metric = set_middle(cluster, start, y, self.is_ranked);
-        let left = null_space(cluster);
+        let left = null_space(cluster, self.per_unit);
         let weighted = cluster.inverse_mass.component_mul(&DVector::from_column_slice(residual));
         let along = &cluster.normal * weighted;
         let dependent = |cluster: &Cluster| cluster.failure(0, 0, f64::NAN);
@@ -181,9 +179,9 @@ fn set_directions(cluster: &mut Cluster, is_ranked: bool) -> DMatrix<f64> {
     metric
 }
 
-/// Returns a basis of the vectors s with N s = 0 that is orthonormal in the norm of M.
-fn null_space(cluster: &Cluster) -> DMatrix<f64> {
-    let root = cluster.inverse_mass.map(f64::sqrt);
+/// Returns a basis of the vectors s with N s = 0 that is orthonormal in the norm of M, with masses in a unit.
+fn null_space(cluster: &Cluster, per_unit: f64) -> DMatrix<f64> {
+    let root = cluster.inverse_mass.map(|inverse| (inverse / per_unit).sqrt());
     let scale = |mut matrix: DMatrix<f64>| {
         matrix.row_iter_mut().zip(&root).for_each(|(mut row, root)| row *= *root);
         matrix

@@ -20,6 +20,7 @@ use vi_core::{Damper, DryFriction, EndForces, Impulse, System};
 use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::schemes::constraint::manifold::ConstraintManifold;
+use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 use crate::work::Work;
 
@@ -195,7 +196,8 @@ impl EndDampers<'_> {
     }
 
     /// Finds the impulses for given coefficients next to `given` impulses, where the dampers have these rates before. With s = √(h c)
-    /// and the rates a after the given impulses, it solves (1 + s Bᵀ M⁻¹ P B s) ν = −s a for ν, and μ = s ν.
+    /// and the rates a after the given impulses, it solves (1 + s Bᵀ M⁻¹ P B s) ν = −s a for ν, and μ = s ν. Roots are taken
+    /// in a unit of mass u, with s/√u in place of s and ν/√u in place of ν; then μ = u (s/√u)(ν/√u).
     fn solve(
         &self,
         dampers: &[&Damper],
@@ -205,7 +207,8 @@ impl EndDampers<'_> {
         work: &mut Work,
     ) -> Result<Solution, SolverError> {
         let count = dampers.len();
-        let scale: Vec<f64> = coefficients.iter().map(|c| (self.h * c).sqrt()).collect();
+        let per_unit = per_unit_of_mass(self.system.free_mass());
+        let scale: Vec<f64> = coefficients.iter().map(|c| (per_unit * (self.h * c)).sqrt()).collect();
         let mut rates = rates.to_vec();
         if given.iter().any(|&impulse| impulse != 0.0) {
             let changes = self.changes(dampers, &self.respond(dampers, given, work)?);
@@ -220,7 +223,7 @@ impl EndDampers<'_> {
             if size <= enough {
                 break;
             }
-            vectors::fill(&mut impulses, |i| scale[i] * direction[i]);
+            vectors::fill(&mut impulses, |i| scale[i] * direction[i] / per_unit);
             let changes = self.changes(dampers, &self.respond(dampers, &impulses, work)?);
             let applied: Vec<f64> = (0..count).map(|i| direction[i] + scale[i] * changes[i]).collect();
             let step = size / vectors::dot(&direction, &applied);
@@ -230,7 +233,7 @@ impl EndDampers<'_> {
             vectors::update(&mut direction, |i, value| *value = r[i] + next / size * *value);
             size = next;
         }
-        vectors::fill(&mut impulses, |i| scale[i] * scaled[i]);
+        vectors::fill(&mut impulses, |i| scale[i] * scaled[i] / per_unit);
         let changes = self.changes(dampers, &self.respond(dampers, &impulses, work)?);
         vectors::update(&mut rates, |i, rate| *rate += changes[i]);
         vectors::update(&mut impulses, |i, impulse| *impulse += given[i]);

@@ -10,6 +10,7 @@ use crate::error::SolverError;
 use crate::newton::inverse::Inverse;
 use crate::newton::pair_equations::PairEquations;
 use crate::schemes::constraint::multipliers::Multipliers;
+use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 impl<R: Rule> StageEquations<'_, R> {
@@ -246,8 +247,8 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
     }
 }
 
-/// Returns the norm √(rᵀM⁻¹r) of a residual, with the lumped mass.
+/// Returns the norm √(rᵀM⁻¹r) of a residual, with the lumped mass in a unit that is a power of two.
 fn size_of(system: &System, r: &[f64]) -> f64 {
     let mass = system.free_mass();
-    vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]).sqrt()
+    (per_unit_of_mass(mass) * vectors::sum(r.len(), |k| r[k] * r[k] / mass[k])).sqrt()
 }

@@ -452,6 +452,20 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
         0.5 * self.stage.twice_kinetic + vectors::sum(w.len(), |k| mass[k] * w[k] * w[k]) / self.stage.c
     }
 
+    fn levers(&self) -> Option<Vec<f64>> {
+        let coordinates = self.system.coordinates();
+        let free = coordinates.free();
+        if !free.iter().any(|dof| coordinates.is_director(dof / 3)) {
+            return None;
+        }
+        let levers: Vec<f64> = free.iter().map(|dof| coordinates.lever(dof / 3)).collect();
+        let of_director = |(dof, lever): (&u32, &f64)| coordinates.is_director(dof / 3).then_some(*lever);
+        let longest = free.iter().zip(&levers).filter_map(of_director).fold(0.0, f64::max);
+        // A director that nothing follows counts as the one with the longest lever.
+        let instead = if longest > 0.0 { longest } else { 1.0 };
+        Some(levers.into_iter().map(|lever| if lever > 0.0 { lever } else { instead }).collect())
+    }
+
     fn is_at_resolution(&self) -> bool {
         let (d, mass) = (&self.stage.correction, self.system.free_mass());
         let square = vectors::sum(d.len(), |k| mass[k] * d[k] * d[k]);

@@ -12,6 +12,7 @@ use crate::linear::block_rows::{BlockRows, IncompleteLu};
 use crate::linear::dense_lu;
 use crate::schemes::constraint::middle::ConstrainedBodies;
 use crate::schemes::kick_drift::touching::reduced::Reduced;
+use crate::unit_of_mass::per_unit_of_mass;
 
 /// Largest number of products of an iterative solve.
 const MOST_PRODUCTS: f64 = 400.0;
@@ -264,7 +265,7 @@ impl Small {
         }
     }
 
-    /// Returns √(RᵀM⁻¹R), without the parts of R that constraints balance.
+    /// Returns √(RᵀM⁻¹R) in a unit of mass, without the parts of R that constraints balance.
     pub(super) fn size(&self, mass: &[f64]) -> f64 {
         let is_of_body = |place: usize| self.reduced.as_ref().is_some_and(|map| map.is_of_body(place / 3));
         let parts = self.free.iter().zip(&self.residual).enumerate();
@@ -272,7 +273,7 @@ impl Small {
         let sum = parts.map(|(_, (&k, residual))| residual * residual / mass[k as usize]).sum::<f64>();
         let bodies =
             self.reduced.as_ref().map_or(0.0, |map| map.square_of_bodies(&map.residual(&self.residual)));
-        (sum + bodies).sqrt()
+        (per_unit_of_mass(mass) * sum + bodies).sqrt()
     }
 
     /// Returns the product of the right factor of a tangent and a change of the free coordinates.
