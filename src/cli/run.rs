@@ -163,6 +163,9 @@ pub(super) fn conclude(
     if let Some(note) = report.lost_symmetry() {
         message!("note: {note}");
     }
+    if let Some(note) = report.stopped_short() {
+        message!("note: {note}");
+    }
     if let Some(warning) = &report.warning {
         message!("warning: {warning}");
     }

@@ -13,6 +13,9 @@ use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::simulation::stability::{self, StabilityNote};
 
+/// A note tells of steps that stopped short if they are more than one in this many.
+const FEW_SHORT: u64 = 20;
+
 /// Reason for the end of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "lowercase")]
@@ -188,6 +191,7 @@ impl Report {
                                 "smallest": simulation.step_size() / cut.finest as f64,
                                 "time_symmetry_lost": is_symmetric && (was_hard || cut.changes > 0) });
         self.notes.extend(self.lost_symmetry());
+        self.notes.extend(self.stopped_short());
         let steppers = simulation.components().iter().filter_map(|component| component.stepper());
         // Drop the reason: only the run that chose the solver has it, and a continued run must report the same.
         let name = |reason: &str| reason.split(':').next().map(str::to_owned);
@@ -244,6 +248,19 @@ impl Report {
             "{what}: run backwards from its end, this run comes back to its start only to the error of these steps, and not to \
              round-off as {scheme} does with equal steps; {remedy}"
         ))
+    }
+
+    /// Returns a note if many steps of a fixed number of linear solves ended far from convergence.
+    pub(crate) fn stopped_short(&self) -> Option<String> {
+        let count = |name: &str| self.work.get(name).and_then(Value::as_u64).unwrap_or(0);
+        let (short, steps) = (count("stopped_short"), count("steps"));
+        (short * FEW_SHORT > steps).then(|| {
+            format!(
+                "{short} of {steps} steps had no more linear solves far from convergence: their last correction still had more than \
+                 1 % of the energy that the step exchanged, so bodies look softer and slower than they are; raise `time.solves`, \
+                 shorten `time.step`, or use scheme = \"backward-euler\""
+            )
+        })
     }
 
     /// Lists the work done, in counts.

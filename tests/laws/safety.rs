@@ -345,6 +345,35 @@ history = 1
     assert!((few.0 - many.0).abs() < 1e-3 * many.1, "{few:?} {many:?}");
 }
 
+/// A stiff cloth looks softer if its solves are too few, and the run says so; of a soft one, for which they suffice, it does not.
+#[test]
+fn solves_that_stop_far_from_convergence_are_told() {
+    for (young, is_short) in [("1e8", true), ("1e5", false)] {
+        let scene = r#"
+gravity = [0, 0, -9.81]
+[time]
+end = 0.5
+step = 0.0166666666666666667
+scheme = "truncated-euler"
+[[body]]
+name = "flag"
+sheet = { size = [0.6, 0.4], cells = [12, 8] }
+material = { law = "st-venant-kirchhoff", young = YOUNG, poisson = 0.3, area_density = 0.3, thickness = 1e-3 }
+[[fix]]
+body = "flag"
+region = "x-min"
+"#;
+        let run = Program::run(&scene.replace("YOUNG", young));
+        let report = run.report();
+        let (short, steps) = (&report["work"]["stopped_short"], report["steps"].as_u64().unwrap());
+        let tells = |text: &str| text.contains("far from convergence") && text.contains("time.solves");
+        let is_noted =
+            report["notes"].as_array().unwrap().iter().any(|note| note.as_str().is_some_and(tells));
+        let is_said = tells(&run.errors());
+        assert_eq!([is_noted, is_said], [is_short; 2], "E = {young} Pa: {short} of {steps} steps");
+    }
+}
+
 /// A cloth that falls onto a ball with explicit steps above their limit. Explicit steps with contact are not halved, so the run
 /// ends, and before a step at the velocities of a state that means nothing, which would make candidates of all pairs.
 #[test]

@@ -86,4 +86,6 @@ work! {
     pair_forces,
     /// Implicit steps whose prediction already satisfied the tolerance, so that nothing was solved.
     skipped,
+    /// Steps of a fixed number of linear solves that ended far from convergence.
+    stopped_short,
 }
