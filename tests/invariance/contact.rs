@@ -38,20 +38,6 @@ shape = { kind = "plane", normal = [0, 0, 1] }
 fixed = true
 "#;
 
-/// A body that hangs on the box.
-const TAIL: &str = r#"
-[[rigid]]
-name = "tail"
-mass = 0.5
-inertia = [1e-3, 1.2e-3, 1.5e-3]
-position = [0.15, 0.06, 0.03]
-[[joint]]
-kind = "ball"
-body = "tail"
-to = "box"
-point = [0.1, 0.06, 0.03]
-"#;
-
 /// Returns a scene without friction and damping.
 fn smooth(body: &str) -> String {
     body.replace("friction = 0.3\ndamping = 1e-3\n", "")
@@ -75,7 +61,6 @@ fn units_that_are_powers_of_two_change_no_bit_of_a_block_that_hits() {
 
 #[test]
 fn units_that_are_powers_of_two_change_no_bit_of_a_box_that_hits() {
-    let linked = format!("{BOX}{TAIL}");
     for (name, body, scheme, step, steps) in [
         ("box", BOX, "energy-momentum", 1e-3, 20),
         ("box", BOX, "stormer-verlet", 1.25e-4, 130),
@@ -84,7 +69,6 @@ fn units_that_are_powers_of_two_change_no_bit_of_a_box_that_hits() {
         ("smooth box", &smooth(BOX), "stormer-verlet", 1.25e-4, 130),
         ("smooth box", &smooth(BOX), "backward-euler", 2e-3, 12),
         ("smooth box on a capsule", &on_capsule(&smooth(BOX)), "backward-euler", 2e-3, 14),
-        ("linked box", &linked, "stormer-verlet", 1.25e-4, 100),
     ] {
         check_units(&format!("{name}, {scheme}"), &scene(body, step, steps, &format!("\"{scheme}\"")));
     }
