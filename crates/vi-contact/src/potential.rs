@@ -292,8 +292,9 @@ fn add_packed(block: &[f64], size: usize, places: [usize; 4], out: &mut [f64]) {
     let mut values = block.iter();
     for i in 0..size {
         for (j, value) in (0..=i).zip(&mut values) {
-            // The nodes of a simplex are sorted, so a lower entry stays a lower entry.
-            out[packed_len(place(i)) + place(j)] += value;
+            // A frame of slip may have its nodes in another order than the stencil.
+            let (row, column) = (place(i).max(place(j)), place(i).min(place(j)));
+            out[packed_len(row) + column] += value;
         }
     }
 }
