@@ -94,8 +94,6 @@ pub(crate) struct EnergyGuard {
     resolution: f64,
     /// Order of the scheme.
     order: usize,
-    /// The exchange at the start, J.
-    first: f64,
 }
 
 impl EnergyGuard {
@@ -104,7 +102,7 @@ impl EnergyGuard {
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { watching, growth, events: Vec::new(), resolution, order, first: exchange }
+        Self { watching, growth, events: Vec::new(), resolution, order }
     }
 
     /// Returns when and how the guard acts.
@@ -171,14 +169,12 @@ impl EnergyGuard {
     ///
     /// What a body that starts from rest has exchanged grows as t² at first, but the error of its energy, of h^p, is there after one
     /// step: relative to the exchange it is about 1/n^p after n steps of a scheme of order p. An unstable step multiplies the energy
-    /// by a factor each time, so it soon exceeds this too. A bound that the scene states is kept as it is by schemes of higher order for
-    /// the part of the exchange that was there at the start: a block that is driven from rest at 1 − cos has an error of .4/n².
+    /// by a factor each time, so it soon exceeds this too. A bound that the scene states is kept as it is by schemes of higher order.
     fn allowed(&self, steps: u64) -> Option<f64> {
         let bound = self.watching.rule.bound;
         let is_kept = self.watching.is_stated && self.order > 1;
-        let received = if is_kept { 1.0 - self.first / self.growth.exchange } else { 1.0 };
-        let error = 4.0 / (steps as f64).powi(self.order.max(1) as i32);
-        (steps > 2).then_some(bound.max(received * error))
+        let error = if is_kept { 0.0 } else { 4.0 / (steps as f64).powi(self.order.max(1) as i32) };
+        (steps > 2).then_some(bound.max(error))
     }
 
     /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good point. What had
