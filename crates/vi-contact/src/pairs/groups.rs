@@ -2,7 +2,6 @@
 
 use super::crossing::Crossing;
 use super::term::{PointTerm, feature};
-use super::viscosity::Viscosity;
 use crate::distance::{Shape, at};
 use crate::surface::{Gauge, Surface};
 
@@ -16,8 +15,6 @@ pub(crate) struct Group<const ENDS: usize> {
     order: Vec<u32>,
     /// What acts over a step in which the point passes from one cell to another.
     pub(super) crossing: Crossing,
-    /// The viscosities of the pairs that act over a step, if something damps them.
-    pub(super) viscosities: Vec<Viscosity>,
 }
 
 /// A simplex of several cells, the sum of their numbers n, and the first of these cells.
@@ -43,7 +40,6 @@ impl<const ENDS: usize> Group<ENDS> {
             nodes: Vec::new(),
             order: Vec::new(),
             crossing: Crossing::default(),
-            viscosities: Vec::new(),
         }
     }
 

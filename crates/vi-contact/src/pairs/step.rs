@@ -11,7 +11,7 @@ use vi_core::StepSpan;
 
 use super::edges::Mollifier;
 use super::energy::{Strength, in_order, pack_rank_one};
-use super::viscosity::{Damped, Damping, Viscosity};
+use super::viscosity::{Damped, Damping, Resistance, Viscosity};
 use super::{Blend, Contact, DistanceChange, Group, Partners, chord};
 use crate::distance::{Shape, Vec3, at};
 
@@ -152,6 +152,18 @@ impl StepPair {
         Self { energy, stiffness: 0.5 * self.stiffness, slope: 0.0, ..self }
     }
 
+    /// Adds the resistance of damping.
+    fn resist(&mut self, resistance: &Resistance) {
+        let Resistance { force, kept, stiffness, tangent, dissipated, damped, is_whole } = *resistance;
+        let [along, _] = self.distance;
+        (0..4).for_each(|a| self.gradient[a] += along[a] * force);
+        self.slope += if is_whole { force } else { 0.0 };
+        self.stiffness = kept * self.stiffness + stiffness;
+        self.tangent = kept * self.tangent + tangent;
+        self.dissipated += dissipated;
+        self.damped = damped;
+    }
+
     /// Multiplies the force and its tangents by `factor`.
     pub(crate) fn scale(&mut self, factor: f64) {
         self.gradient.iter_mut().for_each(|gradient| *gradient *= factor);
@@ -287,9 +299,8 @@ impl Contact<'_> {
             let Some(gauge) = self.surface.point_gauge(point, body) else { continue };
             let damping = self.damping(part.body, body, settings);
             group.gather(self.surface, part.node, cells, &gauge, x);
-            let Group { terms, crossing, viscosities, .. } = group;
-            let first = out.len();
-            viscosities.clear();
+            let Group { terms, crossing, .. } = group;
+            let (first, mut viscosities) = (out.len(), Vec::new());
             crossing.find(terms, &gauge, x);
             let partners = Partners::PointBody(point as u32, body);
             let strength = |multiplicity: f64| Strength { gauge, blend, multiplicity };
@@ -307,7 +318,7 @@ impl Contact<'_> {
                 let pair = assemble(partners, term.shape.arity(), term.nodes, &change, &quotient, settings);
                 out.push(StepPair { cell: term.home, ..pair });
                 if damping.is_some() {
-                    viscosities.push(Viscosity::new(&strength, ends, &change, quotient.slope));
+                    viscosities.push(Viscosity::new(&strength, ends, change.change, quotient.slope));
                 }
             }
             for chord in crossing.chords() {
@@ -318,13 +329,13 @@ impl Contact<'_> {
                         assemble(partners, term.shape.arity(), term.nodes, change, &quotient, settings);
                     out.push(StepPair { cell: term.home, ..pair.half() });
                     if damping.is_some() {
-                        let whole = Viscosity::new(&strength, chord.distances, change, quotient.slope);
+                        let whole = Viscosity::new(&strength, chord.distances, change.change, quotient.slope);
                         viscosities.push(whole.half());
                     }
                 }
             }
             if let Some(damping) = damping {
-                damping.act(&mut out[first..], viscosities);
+                damp(&mut out[first..], &damping, &viscosities);
             }
         }
     }
@@ -353,8 +364,8 @@ impl Contact<'_> {
         let partners = Partners::Edges(pair.edges[0], pair.edges[1]);
         let mut out = assemble(partners, 4, nodes, &change, &quotient, settings);
         if let Some(damping) = damping {
-            let viscosity = Viscosity::new(&strength, ends, &change, quotient.slope);
-            damping.act(std::slice::from_mut(&mut out), &[viscosity]);
+            let viscosity = Viscosity::new(&strength, ends, change.change, quotient.slope);
+            damp(std::slice::from_mut(&mut out), &damping, &[viscosity]);
         }
         let mollifier = Mollifier::new(a, b);
         let [c0, c1] = [Mollifier::argument(&x0), Mollifier::argument(&x1)];
@@ -421,8 +432,8 @@ impl Contact<'_> {
         let mut out =
             assemble(Partners::PointPlane(point, plane), arity, nodes, &change, &quotient, settings);
         if let Some(damping) = damping {
-            let viscosity = Viscosity::new(&strength, ends, &change, quotient.slope);
-            damping.act(std::slice::from_mut(&mut out), &[viscosity]);
+            let viscosity = Viscosity::new(&strength, ends, change.change, quotient.slope);
+            damp(std::slice::from_mut(&mut out), &damping, &[viscosity]);
         }
         Some(out)
     }
@@ -432,6 +443,15 @@ impl Contact<'_> {
         let time = self.surface.law(a, b)?.damping;
         let rate = settings.damping_rate(time);
         (time > 0.0).then_some(Damping { rate, kept: settings.damping_at_end })
+    }
+}
+
+/// Damps the pairs of a group.
+fn damp(pairs: &mut [StepPair], damping: &Damping, viscosities: &[Viscosity]) {
+    for (pair, resistance) in pairs.iter_mut().zip(damping.resist(viscosities)) {
+        if let Some(resistance) = resistance {
+            pair.resist(&resistance);
+        }
     }
 }
 

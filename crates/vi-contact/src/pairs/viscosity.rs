@@ -14,7 +14,6 @@
 //! the same way.
 
 use super::energy::Strength;
-use super::{DistanceChange, StepPair};
 
 /// What is known of the damping of one pair before its group is known.
 #[derive(Debug, Clone, Copy)]
@@ -32,8 +31,8 @@ pub(super) struct Viscosity {
 }
 
 impl Viscosity {
-    /// Computes the viscosity of a pair between the distances at both `ends` (m); `slope` is n Q.
-    pub(super) fn new(strength: &Strength, ends: [f64; 2], change: &DistanceChange, slope: f64) -> Self {
+    /// Computes the viscosity of a pair between the distances at both `ends` (m), with their `change` d₁ − d₀; `slope` is n Q.
+    pub(super) fn new(strength: &Strength, ends: [f64; 2], change: f64, slope: f64) -> Self {
         let Strength { gauge, blend, multiplicity: n } = *strength;
         let [s0, s1] = ends.map(|distance| gauge.relative(distance));
         let per_square = n * (gauge.energy / (gauge.distance * gauge.distance));
@@ -41,7 +40,7 @@ impl Viscosity {
         Self {
             curvature: per_square * blend.curvature(middle),
             curvature_slope: 0.5 * per_square * blend.third(middle) / gauge.distance,
-            change: change.change,
+            change,
             slope,
             share: 1.0,
         }
@@ -87,35 +86,48 @@ fn positive_part(values: impl Iterator<Item = f64>) -> f64 {
     if positive > 0.0 { (1.0 + negative / positive).max(0.0) } else { 0.0 }
 }
 
+/// How damping changes a pair.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Resistance {
+    /// Force along N that damping adds, N.
+    pub(super) force: f64,
+    /// The part of the stiffness of the layer that remains: less than one where the push bounds damping.
+    pub(super) kept: f64,
+    /// What damping adds to the stiffness and to dQ/dd₁, N/m.
+    pub(super) stiffness: f64,
+    pub(super) tangent: f64,
+    /// Energy that it dissipates, J.
+    pub(super) dissipated: f64,
+    pub(super) damped: Damped,
+    /// Whether the pair is not a part of a chord between two cells.
+    pub(super) is_whole: bool,
+}
+
 impl Damping {
-    /// Damps the pairs of a group.
-    pub(super) fn act(&self, pairs: &mut [StepPair], viscosities: &[Viscosity]) {
-        let of_curvature = positive_part(viscosities.iter().map(|pair| pair.share * pair.curvature));
-        let of_push = positive_part(viscosities.iter().map(|pair| -pair.share * pair.slope));
-        for (pair, viscosity) in pairs.iter_mut().zip(viscosities) {
+    /// Returns how damping changes each pair of a group; `None` for pairs that are not damped.
+    pub(super) fn resist(&self, group: &[Viscosity]) -> impl Iterator<Item = Option<Resistance>> {
+        let of_curvature = positive_part(group.iter().map(|pair| pair.share * pair.curvature));
+        let of_push = positive_part(group.iter().map(|pair| -pair.share * pair.slope));
+        let Self { rate, kept } = *self;
+        group.iter().map(move |viscosity| {
             let Viscosity { curvature, curvature_slope, change, slope, share } = *viscosity;
             if curvature <= 0.0 {
-                continue;
+                return None;
             }
-            let push = -of_push * slope;
-            pair.damped = Damped { curvature: of_curvature * curvature, push };
-            let coefficient = self.rate * of_curvature;
-            let mut resistance = coefficient * curvature * change;
-            let most = (1.0 - self.kept) * push;
-            if resistance > most {
-                resistance = most;
-                pair.stiffness *= self.kept;
-                pair.tangent *= self.kept;
-            } else {
-                pair.stiffness += share * coefficient * curvature;
-                pair.tangent += coefficient * (curvature + curvature_slope * change);
-            }
-            let [along, _] = pair.distance;
-            (0..4).for_each(|a| pair.gradient[a] += along[a] * resistance);
-            if share == 1.0 {
-                pair.slope += resistance;
-            }
-            pair.dissipated += share * resistance * change;
-        }
+            let (push, coefficient) = (-of_push * slope, rate * of_curvature);
+            let (free, most) = (coefficient * curvature * change, (1.0 - kept) * push);
+            let is_bounded = free > most;
+            let force = if is_bounded { most } else { free };
+            let factor = if is_bounded { 0.0 } else { coefficient };
+            Some(Resistance {
+                force,
+                kept: if is_bounded { kept } else { 1.0 },
+                stiffness: share * factor * curvature,
+                tangent: factor * (curvature + curvature_slope * change),
+                dissipated: share * force * change,
+                damped: Damped { curvature: of_curvature * curvature, push },
+                is_whole: share == 1.0,
+            })
+        })
     }
 }
