@@ -257,7 +257,8 @@ mod tests {
             let space = bodies.tangent_space(0, [&START, &y], 1.0, &[0.0; 6]).unwrap();
             assert_eq!(space.left.ncols(), 5);
             let mass = DMatrix::from_diagonal(&DVector::from_column_slice(system.free_mass()));
-            let unit = space.left.tr_mul(&(&mass * &space.left));
+            // Masses are in the unit of the bodies.
+            let unit = space.left.tr_mul(&(&mass * &space.left)) * bodies.per_unit;
             assert!((unit - DMatrix::identity(5, 5)).amax() < 1e-13);
             // Normals of |a − b|² in the middle and at y.
             let normal = |q: &dyn Fn(usize) -> f64| {

@@ -273,7 +273,9 @@ impl Small {
         let sum = parts.map(|(_, (&k, residual))| residual * residual / mass[k as usize]).sum::<f64>();
         let bodies =
             self.reduced.as_ref().map_or(0.0, |map| map.square_of_bodies(&map.residual(&self.residual)));
-        (per_unit_of_mass(mass) * sum + bodies).sqrt()
+        // Bases of tangent spaces are orthonormal in the norm of M in the unit, so that `bodies` has the unit twice.
+        let per_unit = per_unit_of_mass(mass);
+        (per_unit * (sum + per_unit * bodies)).sqrt()
     }
 
     /// Returns the product of the right factor of a tangent and a change of the free coordinates.

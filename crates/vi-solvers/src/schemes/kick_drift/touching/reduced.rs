@@ -172,7 +172,7 @@ impl Reduced {
         }
     }
 
-    /// Returns the square of the residual of the bodies in the norm of M⁻¹, of which their bases are orthonormal.
+    /// Returns the square of the residual of the bodies in the norm of M⁻¹ with masses in a unit, in which their bases are orthonormal.
     pub(super) fn square_of_bodies(&self, reduced: &[f64]) -> f64 {
         let of = |body: &Body| &reduced[3 * body.first_block..3 * body.first_block + body.dimension()];
         self.bodies.iter().flat_map(of).map(|value| value * value).sum()
