@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use vi_core::binary_exponent;
+
 /// Number of entries per task; it is also the leaf size of the tree of every sum.
 const LEAF: usize = 4096;
 /// Length above which parallel tasks pay off.
@@ -26,6 +28,12 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// Returns |a|.
 pub(crate) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
+}
+
+/// Returns the inverse of a unit for values like this one that is a power of two. Roots are taken in such units, so that their bits do not
+/// depend on the units of the scene.
+pub(crate) fn per_unit(value: f64) -> f64 {
+    2.0_f64.powi(-binary_exponent(value))
 }
 
 /// Returns whether all numbers are finite.

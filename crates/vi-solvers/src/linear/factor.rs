@@ -15,10 +15,9 @@ mod tree;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
-use vi_core::binary_exponent;
-
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::matrix::SymmetricMatrix;
+use crate::vectors::per_unit;
 use scalar::Scalar;
 use tree::{Family, Supernode, Tree};
 
@@ -136,7 +135,7 @@ impl<T: Scalar> Cholesky<T> {
         self.scale = match T::IS_SINGLE {
             true if self.largest > 0.0 => 1.0 / self.largest,
             true => 1.0,
-            false => self.rhs.first().map_or(1.0, |&first| 2.0_f64.powi(-binary_exponent(first))),
+            false => self.rhs.first().map_or(1.0, |&first| per_unit(first)),
         };
         let (tree, matrix) = (&self.tree, &self.matrix);
         let walk = Walk {

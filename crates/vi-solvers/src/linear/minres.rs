@@ -1,8 +1,6 @@
 //! The minimal residual method for a symmetric, possibly indefinite K, preconditioned by a definite factor of K + σM
 //! (Paige & Saunders 1975).
 
-use vi_core::binary_exponent;
-
 use crate::error::SolverError;
 use crate::interrupt::Interrupt;
 use crate::linear::factor::Factor;
@@ -29,7 +27,7 @@ pub(crate) fn minimal_residual(
     let first = vectors::sum(n, |k| v[k] * z[k]).max(0.0);
     // Take the root of energies in a unit that is a power of two, so that the bits of solutions do not depend on
     // units.
-    let per_unit = 2.0_f64.powi(-binary_exponent(first));
+    let per_unit = vectors::per_unit(first);
     let mut beta = (per_unit * first).sqrt();
     if beta == 0.0 {
         return Ok(x);

@@ -7,10 +7,10 @@ use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::sparse::linalg::lu::{LuRef, NumericLu, SymbolicLu, factorize_symbolic_lu};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
-use vi_core::binary_exponent;
 
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
+use crate::vectors::per_unit;
 
 /// Number of times that the residual of a solution is solved for. One refinement makes the residual of every row small
 /// relative to its own entries.
@@ -150,7 +150,7 @@ impl Unsymmetric {
         let diagonal: Vec<f64> = self.columns.iter().enumerate().map(diagonal).collect();
         // Take roots in a unit that is a power of two, so that the factors do not depend on units.
         let first = diagonal.iter().copied().find(|entry| *entry != 0.0);
-        let per_unit = first.map_or(1.0, |entry| 2.0_f64.powi(-binary_exponent(entry)));
+        let per_unit = first.map_or(1.0, per_unit);
         let of_columns: Vec<f64> = diagonal
             .iter()
             .map(|&entry| if entry == 0.0 { 1.0 } else { 1.0 / (per_unit * entry).sqrt() })

@@ -3,7 +3,6 @@
 //! acts on a few directions, and these are corrected at once. Sums use the norm of A, in which errors are measured.
 
 use nalgebra::{DMatrix, DVector};
-use vi_core::binary_exponent;
 
 use crate::vectors;
 
@@ -89,7 +88,7 @@ impl Anderson {
         let all = DMatrix::from_fn(count, count, |i, j| product(i.min(j), &self.differences[i.max(j)].load));
         let rhs = DVector::from_fn(count, |i, _| product(i, load));
         // Take roots of energies in a unit that is a power of two, so that the weights do not depend on units.
-        let per_unit = 2.0_f64.powi(-binary_exponent(all[(0, 0)]));
+        let per_unit = vectors::per_unit(all[(0, 0)]);
         let (all, rhs) = (all * per_unit, rhs * per_unit);
         while count > 0 {
             let gram = all.view((0, 0), (count, count)).into_owned();

@@ -3,6 +3,8 @@
 //! it needs only residuals and corrections of the equations. The step is shortened until A⁻¹R decreases (Deuflhard's natural monotonicity test, Newton Methods for Nonlinear Problems, §3.3).
 //! Norms are those of lengths: directors of rigid bodies, whose numbers are none, count with their levers.
 
+use std::borrow::Cow;
+
 use crate::error::SolverError;
 use crate::linear::gmres;
 use crate::newton::equations::{Equations, Solve};
@@ -72,29 +74,39 @@ fn direction<E: Equations>(
     let length = DIFFERENCE * norm(&lengths.of(place)).max(norm(&as_lengths));
     let product = |v: &[f64]| {
         let there = correct_along(solve, place, &lengths.back(v), length)?;
-        let change: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
-        Ok(lengths.of(&change))
+        let mut change: Vec<f64> = first.iter().zip(there).map(|(a, b)| (a - b) / length).collect();
+        lengths.scale(&mut change);
+        Ok(change)
     };
-    gmres::solve(product, &as_lengths, FORCING, BASIS).map(|(delta, _)| lengths.back(&delta))
+    gmres::solve(product, &as_lengths, FORCING, BASIS).map(|(delta, _)| lengths.back(&delta).into_owned())
 }
 
 /// The factors that make lengths of the unknowns, m; `None` if all are lengths.
 struct Lengths(Option<Vec<f64>>);
 
 impl Lengths {
-    /// Returns the lengths of changes of the unknowns.
-    fn of(&self, v: &[f64]) -> Vec<f64> {
-        match &self.0 {
-            Some(levers) => v.iter().zip(levers).map(|(v, lever)| v * lever).collect(),
-            None => v.to_vec(),
+    /// Makes lengths of changes of the unknowns.
+    fn scale(&self, v: &mut [f64]) {
+        if let Some(levers) = &self.0 {
+            v.iter_mut().zip(levers).for_each(|(v, lever)| *v *= lever);
         }
     }
 
+    /// Returns the lengths of changes of the unknowns.
+    fn of<'a>(&self, v: &'a [f64]) -> Cow<'a, [f64]> {
+        if self.0.is_none() {
+            return Cow::Borrowed(v);
+        }
+        let mut lengths = v.to_vec();
+        self.scale(&mut lengths);
+        Cow::Owned(lengths)
+    }
+
     /// Returns the changes of the unknowns that have these lengths.
-    fn back(&self, v: &[f64]) -> Vec<f64> {
+    fn back<'a>(&self, v: &'a [f64]) -> Cow<'a, [f64]> {
         match &self.0 {
-            Some(levers) => v.iter().zip(levers).map(|(v, lever)| v / lever).collect(),
-            None => v.to_vec(),
+            Some(levers) => Cow::Owned(v.iter().zip(levers).map(|(v, lever)| v / lever).collect()),
+            None => Cow::Borrowed(v),
         }
     }
 }

@@ -296,7 +296,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
     fn go_to(&mut self, unknowns: &[f64]) {
         let Stage { w, base, multipliers, .. } = &mut *self.stage;
         if let Some(multipliers) = multipliers {
-            multipliers.keep(multipliers.is_kept());
+            multipliers.forget_failure();
         }
         w.copy_from_slice(unknowns);
         base.copy_from_slice(unknowns);

@@ -29,6 +29,11 @@ impl Multipliers {
         self.failure = None;
     }
 
+    /// Forgets that an iterate did not reach the manifold, because the stage goes elsewhere.
+    pub(crate) fn forget_failure(&mut self) {
+        self.failure = None;
+    }
+
     /// Returns whether iterates are kept on the manifold.
     pub(crate) fn is_kept(&self) -> bool {
         self.is_kept
