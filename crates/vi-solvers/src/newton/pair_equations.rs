@@ -29,11 +29,12 @@ pub(crate) trait PairEquations: Equations {
     fn complete_size(&self) -> Option<usize>;
     /// Factors the complete tangent at the last evaluation, with the exact K.
     fn factor_completely(&mut self, evaluator: &mut Evaluator) -> Result<(), SolverError>;
-    /// Solves for the correction by the last factors of a complete tangent. Returns its energy δᵀJδ/c (J), and the size of the
-    /// residual without the forces of constraints.
-    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError>;
+    /// Solves for the correction by the last factors of a complete tangent. Returns its energy δᵀJδ/c, J.
+    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<f64, SolverError>;
     /// Returns the size of the residual at the last evaluation, in the norm of the inverse mass.
     fn residual_size(&self) -> f64;
+    /// Returns the size of the residual of the last correction without the forces of constraints, in the same norm.
+    fn load_size(&self) -> f64;
     /// Returns the size of the forces of pairs in the residual, in the same norm.
     fn forces_size(&self, evaluator: &Evaluator) -> f64;
     /// Returns a bound on the size that the residual of the last correction has by the round-off of positions in the forces of pairs.

@@ -210,14 +210,14 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         loop {
             // Factors of the complete tangent are not those of the inverse.
             solve.inverse.check_interrupt()?;
-            let [energy, size];
+            let energy;
             let was_direct = is_direct;
             if is_direct {
                 if !is_steady {
                     solve.linearize()?;
                     solve.equations.factor_completely(solve.evaluator)?;
                 }
-                [energy, size] = solve.equations.correct_completely(solve.evaluator)?;
+                energy = solve.equations.correct_completely(solve.evaluator)?;
             } else {
                 if let Some(reason) = wanted.take() {
                     solve.linearize()?;
@@ -227,7 +227,6 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                 }
                 let first = solve.correct()?;
                 (energy, products) = complete(solve, first)?;
-                size = first;
                 if solves == 0 {
                     with_new = Some(products);
                 }
@@ -236,6 +235,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                     (*becomes_direct, is_direct) = (true, true);
                 }
             }
+            let size = solve.equations.load_size();
             *done += 1;
             solve.evaluator.work.newton_iterations += 1;
             if may_keep {

@@ -161,7 +161,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         matrix.factor()
     }
 
-    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<[f64; 2], SolverError> {
+    fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
         let Stage { c, w, base, correction, residual, multipliers, complete: matrix, .. } = &mut *self.stage;
         let (c, count) = (*c, w.len());
         let mut rhs = residual.clone();
@@ -176,7 +176,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
             multipliers.change(c, &rhs[count..], residual);
         }
         let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
-        Ok([vectors::dot(load, correction) / c, size_of(self.system, load)])
+        Ok(vectors::dot(load, correction) / c)
     }
 
     fn forces_size(&self, evaluator: &Evaluator) -> f64 {
@@ -197,6 +197,11 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
 
     fn residual_size(&self) -> f64 {
         size_of(self.system, &self.stage.residual)
+    }
+
+    fn load_size(&self) -> f64 {
+        let Stage { residual, multipliers, .. } = &*self.stage;
+        size_of(self.system, multipliers.as_ref().map_or(&residual[..], Multipliers::load))
     }
 
     fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool {
