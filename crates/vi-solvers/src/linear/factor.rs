@@ -15,6 +15,8 @@ mod tree;
 use std::marker::PhantomData;
 use std::sync::Arc;
 
+use vi_core::binary_exponent;
+
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors::per_unit;
@@ -50,8 +52,9 @@ pub type Factor = Cholesky<f64>;
 /// its solutions are about 1e-7 times the condition number of A, and something else must correct them.
 pub type SingleFactor = Cholesky<f32>;
 
-/// A sparse Cholesky factor L Lᵀ = s A of A = M + cK in numbers of type `T`. In single precision s makes the largest
-/// entry of s A one. In double precision s is a power of two that makes the first entry of s A 1 to 2. Then solutions
+/// A sparse Cholesky factor L Lᵀ = s S A S of A = M + cK in numbers of type `T`. In single precision s makes the largest
+/// entry of s A one, and the diagonal matrix S holds powers of two that make all diagonal entries of s S A S one to four.
+/// In double precision S is the unit matrix, and s is a power of two that makes the first entry of s A 1 to 2. Then solutions
 /// have the same bits in units of mass that differ by a power of two, although the roots of such powers need not be
 /// powers of two.
 pub struct Cholesky<T> {
@@ -60,8 +63,10 @@ pub struct Cholesky<T> {
     panels: Vec<T>,
     /// The two stacks of updates.
     stacks: [Vec<T>; 2],
-    /// The matrix A that was factored, for residuals.
+    /// The matrix S A S that was factored, also for residuals.
     matrix: SymmetricMatrix,
+    /// The diagonal of S; empty if S is the unit matrix.
+    balance: Vec<f64>,
     rhs: Vec<f64>,
     residual: Vec<f64>,
     permuted: Vec<T>,
@@ -94,6 +99,7 @@ impl<T: Scalar> Cholesky<T> {
             permuted: vec![T::default(); n],
             tree,
             matrix,
+            balance: Vec::new(),
             largest: 0.0,
             scale: 1.0,
             is_factored: false,
@@ -137,6 +143,11 @@ impl<T: Scalar> Cholesky<T> {
             true => 1.0,
             false => self.rhs.first().map_or(1.0, |&first| per_unit(first)),
         };
+        if T::IS_SINGLE {
+            self.balance.clear();
+            self.balance.extend(self.rhs.iter().map(|&entry| per_root(entry * self.scale)));
+            self.matrix.scale(&self.balance);
+        }
         let (tree, matrix) = (&self.tree, &self.matrix);
         let walk = Walk {
             tree,
@@ -247,7 +258,7 @@ impl<T: Scalar> Cholesky<T> {
         Ok(self.update_residual(&x) / norm(load))
     }
 
-    /// Computes x ← s (LLᵀ)⁻¹ x without a check. It is a preconditioner if A has changed since the factorisation.
+    /// Computes x ← s S (LLᵀ)⁻¹ S x without a check. It is a preconditioner if A has changed since the factorisation.
     pub(crate) fn apply_inverse(&mut self, x: &mut [f64]) {
         // In single precision scale the numbers to about 1.
         let unit = match T::IS_SINGLE {
@@ -258,13 +269,14 @@ impl<T: Scalar> Cholesky<T> {
             return;
         }
         let inverse = 1.0 / unit;
+        let balance = |free: u32| self.balance.get(free as usize).copied().unwrap_or(1.0);
         for (value, &free) in self.permuted.iter_mut().zip(&self.tree.permutation) {
-            *value = T::of(x[free as usize] * inverse);
+            *value = T::of(x[free as usize] * inverse * balance(free));
         }
         solve::solve(&self.tree, &self.panels, &mut self.permuted, &mut self.shared);
         let unit = unit * self.scale;
         for (value, &free) in self.permuted.iter().zip(&self.tree.permutation) {
-            x[free as usize] = value.value() * unit;
+            x[free as usize] = value.value() * unit * balance(free);
         }
     }
 
@@ -286,11 +298,25 @@ impl<T: Scalar> Cholesky<T> {
 
     /// Sets residual = b − Ax and returns its norm.
     fn update_residual(&mut self, x: &[f64]) -> f64 {
-        self.matrix.multiply(x, &mut self.residual);
+        if self.balance.is_empty() {
+            self.matrix.multiply(x, &mut self.residual);
+        } else {
+            let x: Vec<f64> = x.iter().zip(&self.balance).map(|(x, factor)| x / factor).collect();
+            self.matrix.multiply(&x, &mut self.residual);
+            self.residual.iter_mut().zip(&self.balance).for_each(|(value, factor)| *value /= factor);
+        }
         for (r, b) in self.residual.iter_mut().zip(&self.rhs) {
             *r = b - *r;
         }
         norm(&self.residual)
+    }
+}
+
+/// Returns the power of two whose square times this diagonal entry is at least one and less than four.
+fn per_root(entry: f64) -> f64 {
+    match entry.is_normal() {
+        true => 2.0_f64.powi(-binary_exponent(entry).div_euclid(2)),
+        false => 1.0,
     }
 }
 

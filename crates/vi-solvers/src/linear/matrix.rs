@@ -232,6 +232,28 @@ impl SymmetricMatrix {
         }
     }
 
+    /// Multiplies the row and the column of each free coordinate by its factor.
+    pub(crate) fn scale(&mut self, factors: &[f64]) {
+        let Self { pattern, values } = self;
+        let block = pattern.block;
+        with_scratch(pattern.free_of.len(), |padded| {
+            pattern.spread(factors, padded);
+            for row in 0..pattern.row_count() {
+                for entry in pattern.row(row) {
+                    let (column, place) = (pattern.columns[entry] as usize, pattern.places[entry] as usize);
+                    let of_columns = &padded[column * block..][..block];
+                    let values = values[place * block * block..][..block * block].chunks_exact_mut(block);
+                    for (values, of_row) in values.zip(&padded[row * block..][..block]) {
+                        values
+                            .iter_mut()
+                            .zip(of_columns)
+                            .for_each(|(value, of_column)| *value *= of_row * of_column);
+                    }
+                }
+            }
+        });
+    }
+
     /// Computes y = K x.
     pub fn multiply(&self, x: &[f64], y: &mut [f64]) {
         if !self.pattern.has_partial_nodes {

@@ -2,6 +2,10 @@
 //!
 //! They use the dense kernels of faer with one thread each. Large fronts are cut into tiles of fixed size, which
 //! threads share; so the bits depend on the front alone.
+//!
+//! Entries of L decay with the distance between nodes, the faster the more the mass dominates. In single precision their
+//! products soon are subnormal numbers, with which many processors compute a hundred times as slowly. Negligible entries are
+//! therefore set to zero as soon as some columns are eliminated ([`Scalar::NEGLIGIBLE`]).
 
 use std::cell::RefCell;
 
@@ -11,13 +15,10 @@ use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::scalar::Scalar;
+use super::scalar::{self, Scalar};
 
 /// Fronts with more operations than this are cut into tiles.
 const TILED_FLOPS: f64 = 3e7;
-
-/// Number of columns that a tiled front eliminates at a time.
-const PANEL: usize = 128;
 
 /// Number of rows or columns of a tile.
 const TILE: usize = 256;
@@ -40,8 +41,9 @@ pub(super) fn eliminate<T: Scalar>(
     fresh: bool,
 ) -> Result<(), usize> {
     let below = rows - columns;
+    scalar::drop_below(T::NEGLIGIBLE, panel);
     let (m, n) = (below as f64, columns as f64);
-    let tiled = n * n * n / 3.0 + n * n * m + n * m * m > TILED_FLOPS;
+    let tiled = n * n * n / 3.0 + n * n * m + n * m * m > TILED_FLOPS || (T::IS_SINGLE && columns > T::PANEL);
     let panel = MatMut::from_column_major_slice_mut(panel, rows, columns);
     let update = MatMut::from_column_major_slice_mut(update, below, below);
     let accumulate = if fresh { Accum::Replace } else { Accum::Add };
@@ -62,6 +64,7 @@ fn eliminate_whole<T: Scalar>(
     cholesky(diagonal.as_mut())?;
     if below.nrows() > 0 {
         solve_lower_triangular_in_place(diagonal.as_ref(), below.as_mut().transpose_mut(), Par::Seq);
+        drop_negligible(below.as_mut());
         subtract_square(update, accumulate, below.as_ref(), below.as_ref());
     }
     Ok(())
@@ -73,8 +76,8 @@ fn eliminate_tiled<T: Scalar>(
     accumulate: Accum,
 ) -> Result<(), usize> {
     let (rows, columns) = (panel.nrows(), panel.ncols());
-    for first in (0..columns).step_by(PANEL) {
-        let width = PANEL.min(columns - first);
+    for first in (0..columns).step_by(T::PANEL) {
+        let width = T::PANEL.min(columns - first);
         let rest = panel.as_mut().submatrix_mut(first, first, rows - first, columns - first);
         let (left, right) = rest.split_at_col_mut(width);
         let (mut diagonal, mut below) = left.split_at_row_mut(width);
@@ -88,8 +91,8 @@ fn eliminate_tiled<T: Scalar>(
     Ok(())
 }
 
-fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
-    let order = matrix.nrows();
+fn cholesky<T: Scalar>(mut factor: MatMut<'_, T>) -> Result<(), usize> {
+    let order = factor.nrows();
     let mut memory = MEMORY.take();
     if memory.as_ref().is_none_or(|(capacity, _)| *capacity < order) {
         let capacity = order.next_power_of_two();
@@ -101,12 +104,24 @@ fn cholesky<T: Scalar>(matrix: MatMut<'_, T>) -> Result<(), usize> {
     let result = match &mut memory {
         Some((_, buffer)) => {
             let stack = MemStack::new(buffer);
-            cholesky_in_place(matrix, Default::default(), Par::Seq, stack, Default::default())
+            cholesky_in_place(factor.as_mut(), Default::default(), Par::Seq, stack, Default::default())
         }
         None => return Err(0),
     };
     MEMORY.set(memory);
+    drop_negligible(factor);
     result.map(|_| ()).map_err(|LltError::NonPositivePivot { index }| index)
+}
+
+/// Sets the entries of L that are negligible to zero.
+fn drop_negligible<T: Scalar>(factor: MatMut<'_, T>) {
+    if T::IS_SINGLE {
+        for column in factor.col_iter_mut() {
+            if let Some(column) = column.try_as_col_major_mut() {
+                scalar::drop_below(T::NEGLIGIBLE, column.as_slice_mut());
+            }
+        }
+    }
 }
 
 /// Computes below ← below · L⁻ᵀ, with tiles of rows in parallel.
@@ -114,7 +129,9 @@ fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
     let rows = below.nrows();
     if rows <= TILE {
         if rows > 0 {
-            solve_lower_triangular_in_place(diagonal, below.transpose_mut(), Par::Seq);
+            let mut below = below;
+            solve_lower_triangular_in_place(diagonal, below.as_mut().transpose_mut(), Par::Seq);
+            drop_negligible(below);
         }
         return;
     }

@@ -19,6 +19,11 @@ pub trait Scalar:
 {
     /// Whether the type is f32.
     const IS_SINGLE: bool;
+    /// The size below which entries of matrices with diagonal entries of about one, and of their factors, count as zero: much
+    /// less than their round-off, and so much that products are normal numbers.
+    const NEGLIGIBLE: Self;
+    /// Number of columns that a tiled front eliminates at a time.
+    const PANEL: usize;
     /// Returns the number nearest to `value`.
     fn of(value: f64) -> Self;
     /// Returns the number as f64.
@@ -27,6 +32,8 @@ pub trait Scalar:
 
 impl Scalar for f64 {
     const IS_SINGLE: bool = false;
+    const NEGLIGIBLE: Self = 0.0;
+    const PANEL: usize = 128;
     fn of(value: f64) -> Self {
         value
     }
@@ -37,11 +44,24 @@ impl Scalar for f64 {
 
 impl Scalar for f32 {
     const IS_SINGLE: bool = true;
+    // 2⁻⁴⁰: round-off is 2⁻²⁴, and the least normal number 2⁻¹²⁶.
+    const NEGLIGIBLE: Self = 1.0 / (1_u64 << 40) as Self;
+    const PANEL: usize = 32;
     fn of(value: f64) -> Self {
         value as f32
     }
     fn value(self) -> f64 {
         f64::from(self)
+    }
+}
+
+/// Sets numbers in single precision that are smaller than `size` to zero.
+pub(super) fn drop_below<T: Scalar>(size: T, numbers: &mut [T]) {
+    if T::IS_SINGLE {
+        let (zero, minus) = (T::default(), T::default() - size);
+        for number in numbers {
+            *number = if *number < size && *number > minus { zero } else { *number };
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 use pulp::Arch;
 
 use super::panel::{Eliminate, Substitute};
-use super::scalar::Scalar;
+use super::scalar::{self, Scalar};
 use super::tree::{Family, Run, Supernode, Tree};
 
 /// Subtrees with fewer panel entries than this run without a task of their own.
@@ -131,7 +131,9 @@ impl<T: Scalar> Walk<'_, T> {
             }
         }
         let panel = self.panel(node);
-        self.arch.dispatch(Eliminate { panel, rows: node.rows, own, below: rows });
+        self.arch.dispatch(Eliminate { panel, rows: node.rows, own: &mut *own, below: &mut *rows });
+        drop_negligible(own);
+        drop_negligible(rows);
     }
 
     fn backward_family(
@@ -174,10 +176,16 @@ impl<T: Scalar> Walk<'_, T> {
         }
         let panel = self.panel(node);
         self.arch.dispatch(Substitute { panel, rows: node.rows, own: &mut *own, below: rows });
+        drop_negligible(own);
         let Family { members, parallel } = node.children.clone();
         let above = Above { own, rows };
         self.backward_family(&self.tree.members[members], parallel, Some(above), below);
     }
+}
+
+/// Sets unknowns whose products with entries of L may be subnormal to zero. The largest entry of the right side is one or more.
+fn drop_negligible<T: Scalar>(unknowns: &mut [T]) {
+    scalar::drop_below(T::NEGLIGIBLE * T::NEGLIGIBLE, unknowns);
 }
 
 /// Adds the part of an update that a run covers to the parent's unknowns or shared rows.
