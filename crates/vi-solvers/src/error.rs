@@ -69,7 +69,7 @@ pub enum SolverError {
     Term {
         /// The term, the element and the quantity.
         term: TermFault,
-        /// Whether this was so before the step began. Then no smaller step helps.
+        /// Whether the term was outside its domain when the step began. Then no smaller step helps.
         at_start: bool,
     },
     /// A step is too long for the forces of contact at a stage of the scheme.
@@ -92,9 +92,12 @@ pub enum SolverError {
     },
     /// The straight path of a step would make surfaces pass through each other, and so would every other path that
     /// was tried.
-    #[error("surfaces would pass through each other in this step: something moves too far at once")]
+    #[error(
+        "surfaces would pass through each other in this step: a part moves too far in it; use a smaller step"
+    )]
     Crossing {
-        /// The nodes of a pair that would; the last one is repeated if there are fewer.
+        /// The nodes of one pair that would pass through each other; the last node is repeated if there are fewer than
+        /// four.
         nodes: [u32; 4],
     },
     /// A number is not finite although no term reports a fault: the step is far too large.
@@ -104,7 +107,7 @@ pub enum SolverError {
         what: &'static str,
         /// The first coordinate x_i with a number that is not finite.
         dof: usize,
-        /// Whether this was so before the step began.
+        /// Whether the number was not finite when the step began. Then no smaller step helps.
         at_start: bool,
     },
     /// The coordinates are so large compared with the extent of a body that round-off hides its shape.
@@ -139,10 +142,10 @@ pub enum SolverError {
     },
     /// A step would bring a pair of surfaces so close that the next step would fail.
     #[error(
-        "a pair of surfaces would end this step at {gap:.1e} of the gap from which on it acts; a smaller step helps"
+        "a pair of surfaces would end this step with a gap of {gap:.1e} of the distance below which it acts; use a smaller step"
     )]
     Narrow {
-        /// The gap, relative to that from which on the pair acts.
+        /// The gap at the end of the step, as a fraction of the distance below which the pair acts.
         gap: f64,
     },
     /// The corrections of a step along a path of equilibria did not converge.
@@ -196,7 +199,7 @@ pub enum SolverError {
         load_factor: f64,
         /// Names of the bodies that move together.
         bodies: String,
-        /// The axis along which nothing holds them: x, y or z.
+        /// The axis along which no support holds these bodies: x, y or z.
         axis: String,
         /// Sum of the loads along the axis, N.
         load: f64,
@@ -239,8 +242,8 @@ pub enum SolverError {
         load_factor: f64,
         /// The fraction of the way that is allowed, below 1.
         part: f64,
-        /// The nodes of a pair that would meet on the way, if that is the reason; the last one is repeated if there are
-        /// fewer.
+        /// The nodes of one pair that would meet on the way, if that is the reason; the last node is repeated if there
+        /// are fewer than four.
         nodes: Option<[u32; 4]>,
     },
     /// A step of bodies in contact failed.
@@ -343,7 +346,7 @@ pub enum SolverError {
     /// Something does not run with a filtered mass.
     #[error("filtered mass does not run with {what}; remove it, or use lumped mass")]
     FilteredMass {
-        /// What does not run with it, and the alternatives.
+        /// The feature that does not run with a filtered mass, and the alternatives.
         what: String,
     },
     /// The constraints could not be satisfied to round-off.
@@ -371,7 +374,8 @@ pub enum SolverError {
         /// The reason.
         reason: String,
     },
-    /// The work was abandoned on request ([`Interrupt`](crate::Interrupt)). It is no failure, and nothing shorter is tried instead.
+    /// The work was abandoned on request ([`Interrupt`](crate::Interrupt)). This is not a failure: do not try a shorter
+    /// step instead.
     #[error("ended early on request, without a result; do it again without the request")]
     Interrupted,
     /// Several ranks cannot step this system.

@@ -8,8 +8,8 @@ use crate::error::SolverError;
 
 /// A request to end work before it is complete. Another thread or a signal handler makes it, with a clone.
 ///
-/// Solvers look at it about once per linear solve, return [`SolverError::Interrupted`] soon after it was made, and leave
-/// states as they were. While the request stands, everything that is started ends in this way.
+/// Solvers look at it about once per linear solve, return [`SolverError::Interrupted`] soon after it was made, and
+/// leave states as they were. Until the request is withdrawn, every further solve ends in this way.
 ///
 /// ```rust
 /// use vi_core::problems::SpringChain;

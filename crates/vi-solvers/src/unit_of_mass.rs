@@ -1,5 +1,6 @@
-//! A unit of mass that is a power of two. Square roots of masses, and of energies, which are proportional to masses, are taken in it:
-//! the root of a power of two need not be one, so that roots in kilograms would make the bits of a motion depend on the unit of mass.
+//! Chooses a power of two as unit of mass. Square roots of masses and of energies are taken in this unit. The root of a
+//! power of two need not be a power of two, so with roots in kilograms the bits of a motion would depend on the unit of
+//! mass of the scene.
 
 use crate::vectors::per_unit;
 

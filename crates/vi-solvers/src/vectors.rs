@@ -30,8 +30,8 @@ pub(crate) fn norm(a: &[f64]) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// Returns the inverse of a unit for values like this one that is a power of two. Roots are taken in such units, so that their bits do not
-/// depend on the units of the scene.
+/// Returns 1/u for a power of two u near `value`. Roots are taken of multiples of u, so that their bits do not depend
+/// on the units of the scene.
 pub(crate) fn per_unit(value: f64) -> f64 {
     2.0_f64.powi(-binary_exponent(value))
 }

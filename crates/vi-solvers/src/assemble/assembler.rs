@@ -80,8 +80,8 @@ impl Assembler {
         }
     }
 
-    /// Replaces the positions x by ∂V/∂x as [`Assembler::gradient`] writes it. If several processes sum the terms, this needs no
-    /// more memory.
+    /// Replaces the positions x by ∂V/∂x as [`Assembler::gradient`] writes it. If several processes share the terms,
+    /// this needs no further memory.
     pub(crate) fn replace_by_gradient(&mut self, x: &mut [f64], t: f64) {
         if self.live.is_some() {
             let at = x.to_vec();

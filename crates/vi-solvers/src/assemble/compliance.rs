@@ -1,4 +1,4 @@
-//! How far a unit force moves the nodes within a step if nothing but inertia resists.
+//! Computes the compliance of the nodes over a step: their displacement per unit force if inertia alone resists, m/N.
 
 use std::sync::Arc;
 
@@ -13,9 +13,9 @@ pub(crate) struct Compliance {
 }
 
 impl Compliance {
-    /// Returns the compliance of each node, m/N, if a unit force moves a free coordinate of mass m by `per_mass`/m: the mean of the
-    /// three coordinates of the node, of which those that are not free do not move. A node that is tied moves with the nodes that
-    /// it is tied to.
+    /// Returns the compliance of each node, m/N: the mean over its three coordinates, where a free coordinate of mass m
+    /// has the compliance `per_mass`/m (`per_mass` in s²) and a prescribed one zero. A tied node has the compliance
+    /// with which the nodes move that it is tied to.
     pub(crate) fn over_step(&mut self, system: &System, per_mass: f64) -> Arc<[f64]> {
         if self.per_mass != per_mass {
             *self = Self { per_mass, of_nodes: of_nodes(system, per_mass) };

@@ -138,7 +138,7 @@ impl EnergySum {
         Self { parts, stencil_count, constant_known: false }
     }
 
-    /// Returns V(x, t) by account. `known` are the energies of parts that other processes have computed.
+    /// Returns V(x, t) by account. `known` holds the energies of the parts that other processes have computed.
     pub(crate) fn evaluate(&mut self, terms: &Terms, x: &[f64], t: f64, known: &[RunEnergy]) -> Energies {
         let skip = self.constant_known;
         for &RunEnergy { term, first, sum, error } in known {

@@ -123,12 +123,13 @@ impl Evaluator {
         }
     }
 
-    /// Sets the ends of the step for the tangents of forces over it; `None` for those of ∂V/∂x.
+    /// Sets the ends of the step, so that Hessians contain the tangents of forces over the step; with `None`, the
+    /// Hessian is ∂²V/∂x².
     pub(crate) fn set_step(&mut self, ends: Option<[&[f64]; 2]>) {
         self.step = ends.map(|ends| ends.map(<[f64]>::to_vec));
     }
 
-    /// Returns what [`Evaluator::set_step`] set.
+    /// Returns the ends of the step that [`Evaluator::set_step`] set.
     pub(crate) fn step(&self) -> Option<[&[f64]; 2]> {
         self.step.as_ref().map(|[start, end]| [&start[..], &end[..]])
     }
@@ -166,7 +167,8 @@ impl Evaluator {
         }
     }
 
-    /// Makes further evaluations use the forces without a potential as they are linearised at the last configuration and velocities.
+    /// Linearises the forces without a potential at the last configuration and velocities; further evaluations use this
+    /// linearisation.
     pub(crate) fn hold_forces(&mut self, system: &System) {
         if let Some(Nonconservative { sum, x_dot, rate, held, .. }) = &mut self.nonconservative {
             *held = Some(HeldForces::new(system, sum, &self.x, x_dot, self.t, *rate));
@@ -174,7 +176,7 @@ impl Evaluator {
         }
     }
 
-    /// Ends what [`Evaluator::hold_forces`] began.
+    /// Makes further evaluations use the forces themselves again, after [`Evaluator::hold_forces`].
     pub(crate) fn release_forces(&mut self) {
         if let Some(forces) = &mut self.nonconservative {
             forces.held = None;
@@ -188,7 +190,8 @@ impl Evaluator {
         self.nonconservative.as_ref().map_or((0.0, 0.0), |forces| forces.sum.work(dx))
     }
 
-    /// Writes the forces without a potential at the last evaluation by account, force and damping, N; nothing without such forces.
+    /// Writes the forces without a potential at the last evaluation to `out`, N: [forces, damping] of all coordinates.
+    /// Leaves `out` unchanged if the system has no such forces.
     pub(crate) fn nonconservative(&self, out: &mut [Vec<f64>; 2]) {
         let Some(forces) = &self.nonconservative else { return };
         let [force, damping] = out;
@@ -235,7 +238,7 @@ impl Evaluator {
         self.nonconservative.as_ref().map(|forces| (forces.x_dot.clone(), forces.rate))
     }
 
-    /// Restores what [`Evaluator::velocities`] returned.
+    /// Sets ẋ and ∂ẋ/∂q to values that [`Evaluator::velocities`] returned.
     pub(crate) fn go_to_velocities(&mut self, rates: &Option<(Vec<f64>, f64)>) {
         if let (Some(forces), Some((x_dot, rate))) = (&mut self.nonconservative, rates) {
             forces.x_dot.clone_from(x_dot);

@@ -110,7 +110,7 @@ impl WithSimd for Drift<'_> {
     #[inline(always)]
     fn with_simd<S: Simd>(self, _simd: S) -> bool {
         let Self { filter, first, v, z, drift, x } = self;
-        // One sum per axis: a single one would wait for itself.
+        // Use one sum per axis: the additions to a single sum would have to wait for each other.
         let mut zeros = [0.0; 3];
         let mut velocities = [Padded::default(); TILE];
         for (tile, x) in x.chunks_mut(TILE).enumerate() {

@@ -118,7 +118,8 @@ impl FixedSum {
         }
     }
 
-    /// Replaces x by ∂V/∂x as [`FixedSum::gradient`] writes it; with the terms of several processes in the same memory.
+    /// Replaces x by ∂V/∂x as [`FixedSum::gradient`] writes it. If several processes share the terms, this needs no
+    /// further memory.
     pub(crate) fn replace_by_gradient(&mut self, x: &mut [f64], t: f64) {
         match &self.gradient {
             GradientSum::Here(_) => {

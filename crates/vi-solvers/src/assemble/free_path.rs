@@ -171,8 +171,8 @@ impl<'a> Surroundings<'a> {
         Self { x, order }
     }
 
-    /// Limits the parts of the motions of nodes to that of a meeting. They grow to one within a distance: `wider` times that of
-    /// neighbouring nodes.
+    /// Limits the fraction of its motion that each node makes: to that of the meeting at its own nodes, growing
+    /// linearly to one at the distance of `wider` times the distance between neighbouring nodes.
     fn shorten(&self, meeting: &Meeting, wider: f64, parts: &mut [f64]) {
         let place = |node: u32| &self.x[3 * node as usize..3 * node as usize + 3];
         let apart = |a: &[f64], b: &[f64]| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();

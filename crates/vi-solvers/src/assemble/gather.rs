@@ -34,12 +34,13 @@ const PARALLEL_STENCILS: usize = 3000;
 /// Number of nodes that one task of phase 2 sums.
 const NODES_PER_TASK: usize = 1024;
 
-/// Number of slots between the one that is read and the one whose sum (phase 2) or position (phase 1) is asked for. Of 10⁶
-/// tetrahedra, phase 2 takes 6.2 ns each without, 3.6 at 16, 2.9 at 32 and 64; positions asked for at 32 save .6 ns of phase 1.
+/// Distance in slots by which sums (phase 2) or positions (phase 1) are prefetched. Of 10⁶ tetrahedra, phase 2 takes
+/// 6.2 ns each without, 3.6 at 16, 2.9 at 32 and 64; prefetching positions at 32 saves .6 ns of phase 1.
 const AHEAD: usize = 32;
 
-/// With fewer slots than this (half a megabyte), phase 2 finds the sums in cache and does not ask for them. With 3700 slots, asking
-/// would take 1.03 ns per tetrahedron instead of .88; with 30 000, 1.0 instead of 1.1. It changes no result.
+/// With fewer slots than this (half a megabyte), phase 2 finds the sums in cache and does not prefetch them. With 3700
+/// slots, prefetching would take 1.03 ns per tetrahedron instead of .88; with 30 000, 1.0 instead of 1.1. No result
+/// depends on it.
 const IN_CACHE: usize = 1 << 14;
 
 thread_local! {

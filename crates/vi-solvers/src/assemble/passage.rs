@@ -46,7 +46,7 @@ impl Remembered {
         memory.arrays.push((format!("{name}.stored_span"), numbers));
     }
 
-    /// Returns what [`Remembered::remember`] recorded; `None` if there is nothing.
+    /// Returns the memory that [`Remembered::remember`] recorded; `None` if there is no record of this name.
     pub(crate) fn recall(name: &str, memory: &StepperMemory) -> Option<Self> {
         let array = |part: &str| {
             let found = memory.arrays.iter().find(|(key, _)| *key == format!("{name}.{part}"));
@@ -86,13 +86,14 @@ pub(crate) struct Passage {
     smallest_gap: Option<f64>,
     /// Whether any term acts in the open step with a memory.
     opened_with_memory: bool,
-    /// What acts in the step that was closed last, and in the last step; `None` if that is not known.
+    /// The terms that act in the step that was closed last (`next_acting`) and in the last accepted step (`acting`);
+    /// `None` if they are not known.
     next_acting: Option<ActingTerms>,
     acting: Option<ActingTerms>,
 }
 
-/// A step that can be divided fails if its smallest gap ends below the fraction `NARROW` of that from which on pairs act, and
-/// below the fraction `CLOSES` of what it was at the start.
+/// A step that can be divided fails if its smallest gap at the end is below the fraction `NARROW` of the distance below
+/// which pairs act, and below the fraction `CLOSES` of the gap at the start.
 ///
 /// A blow over many times the layer in one step ends with the energy of the whole body in the layer, because the force that
 /// stops the body does its work over the whole way. From a gap g, bodies that turn with the radius r in a step move no farther
@@ -201,7 +202,8 @@ impl Passage {
         self.now.over_step(number, term)
     }
 
-    /// Returns what acts at the end of the step that was closed last, at the positions and velocities of all coordinates.
+    /// Returns the dampers and the friction that act at the end of the step that was closed last, at the positions and
+    /// velocities of all coordinates.
     pub(crate) fn end_forces(
         &self,
         discrete: &[(usize, Arc<dyn Potential>)],
@@ -222,7 +224,8 @@ impl Passage {
         add_impulses(&mut self.next_impulses, impulses);
     }
 
-    /// Adds what acts on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a gradient, N s.
+    /// Adds impulses on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a
+    /// gradient, N s.
     pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
         if let Some(acting) = &mut self.next_acting {
             acting.add_at_end(nodal);

@@ -9,12 +9,12 @@ use vi_core::{DiscreteGradient, Potential, StepSpan};
 /// the opposite sign (N, three per node), like a gradient.
 pub type SeeForces<'a> = dyn FnMut(&[f64], &[u32], &[f64]) + 'a;
 
-/// What acts in a step.
+/// The terms and impulses that act in a step.
 #[derive(Clone, Default)]
 pub(crate) struct ActingTerms {
     /// The terms with a discrete gradient, by their numbers.
     terms: Vec<(usize, Arc<dyn Potential>)>,
-    /// The nodes of what acts at the end of the step, and its impulses with the sign of a gradient, N s.
+    /// The impulses at the end of the step: nodes, and impulses with the sign of a gradient, N s.
     at_end: Vec<(Vec<u32>, Vec<f64>)>,
 }
 
@@ -23,13 +23,13 @@ impl ActingTerms {
         Self { terms: discrete.to_vec(), at_end: Vec::new() }
     }
 
-    /// Adds what acts on nodes at the end of the step.
+    /// Adds impulses on nodes at the end of the step.
     pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
         self.at_end.extend(nodal);
     }
 
-    /// Shows the forces over a step between `ends`, where `over` returns the discrete gradient of a term over that step if it has a
-    /// special one.
+    /// Passes the forces over a step from `start` to `end` to `see`. `over` returns the discrete gradient of a term
+    /// over that step, or `None` to use the one of the term itself.
     pub(crate) fn see(
         &self,
         over: impl Fn(usize, &Arc<dyn Potential>) -> Option<Arc<dyn DiscreteGradient>>,

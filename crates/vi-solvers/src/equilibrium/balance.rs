@@ -18,7 +18,7 @@ use crate::options::LinearSolver;
 use crate::vectors;
 use crate::work::Work;
 
-/// A body that moves this many times its extent from one configuration to the next finds no hold.
+/// A body that moves farther than this multiple of its extent from one configuration to the next counts as unsupported.
 const FARTHEST: f64 = 1e3;
 
 /// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a solver for K + σM.
@@ -73,8 +73,8 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Begins at the equilibrium `from`: sums work from there, and adds the friction that acts from there on, after that of
-    /// earlier equilibria.
+    /// Begins at the equilibrium `from`: sums work from there on, and adds the friction that acts from there on.
+    /// `rubbed` is the state of friction that earlier equilibria left.
     ///
     /// # Errors
     /// Returns an error if the forces of friction cannot be summed.
@@ -92,8 +92,8 @@ impl<'a> Balance<'a> {
         self.done = Some(WorkDone::begin(&self.x, from.t, &self.gradient, forces));
     }
 
-    /// Writes ∂V/∂x − f with friction at the present place to `gradient`, N; returns the forces f without friction, or nothing if there
-    /// are none.
+    /// Writes ∂V/∂x − f at the current configuration to `gradient`, N, where f includes friction. Returns f without
+    /// friction; empty if there are no such forces.
     fn balance_forces(&mut self) -> Vec<f64> {
         let Self { assembler, forces, friction, gradient, x, still, t, .. } = self;
         assembler.gradient(x, *t, gradient);
@@ -114,7 +114,7 @@ impl<'a> Balance<'a> {
         self.done.as_ref().map(WorkDone::energy).unwrap_or_default()
     }
 
-    /// Accepts the equilibrium (q, t): work is added, and friction acts from it to the next.
+    /// Accepts the equilibrium (q, t): adds the work up to it, and lets friction act from it to the next one.
     ///
     /// # Errors
     /// Returns an error if the forces of friction cannot be summed.

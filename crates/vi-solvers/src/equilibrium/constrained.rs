@@ -21,7 +21,8 @@ use crate::vectors;
 
 /// Stiffness of a constraint relative to the inertia that it moves times the largest ω² of the body.
 const STIFF: f64 = 10.0;
-/// The same, relative to the acceleration by the loads over the extent of the bodies: for bodies without stiffness of their own.
+/// Stiffness of a constraint of bodies without stiffness of their own, relative to the inertia that it moves times the
+/// acceleration by the loads over the extent of the bodies.
 const STIFF_AGAINST_LOADS: f64 = 1e3;
 /// Constraints that are stiff against the loads are made stiffer by `MUCH_STIFFER` if the tangent was not positive definite on the way to an
 /// equilibrium, up to `MOST_ATTEMPTS` times in all. Soft ones may give way so far that the bodies pass into another configuration that meets
@@ -31,7 +32,8 @@ const MOST_ATTEMPTS: u32 = 4;
 /// If a round leaves more than this fraction of the defect, constraints are too soft and become stiffer by `STIFFER`.
 const SLOW: f64 = 0.1;
 const STIFFER: f64 = 10.0;
-/// Defects relative to the terms that constraints sum: one that is met, and one at which a round that gains nothing is round-off.
+/// Defects relative to the terms that constraints sum. Below `MET`, constraints are met; below `NEARLY_MET`, they are
+/// met if a round no longer reduces the defect, which is then round-off.
 const MET: f64 = 1e-14;
 const NEARLY_MET: f64 = 1e-11;
 /// Largest number of rounds. A rod on a hinge, held by a soft bar, takes 29 Newton iterations of all rounds in four increments.
@@ -59,7 +61,7 @@ pub(crate) struct ConstraintForces {
     held: Vec<Arc<Held>>,
     /// The free coordinate of each coordinate, or [`NONE`].
     free_of: Vec<u32>,
-    /// Whether the loads determine the stiffness of the constraints, and not that of the bodies.
+    /// Whether the loads determine the stiffness of the constraints, rather than the stiffness of the bodies.
     is_by_loads: bool,
 }
 
@@ -203,10 +205,10 @@ impl ConstraintForces {
         Ok(())
     }
 
-    /// Finds an equilibrium that meets the constraints, from the guess `q`. `solve` finds one with the present forces of the constraints,
-    /// from a guess that it replaces, and returns the positions of all coordinates there. Where the loads determine the stiffness of
-    /// constraints and the tangent was not positive definite, this is tried again with stiffer ones. The forces remain as they
-    /// were if this fails.
+    /// Finds an equilibrium that meets the constraints, from the guess `q`. `solve` finds an equilibrium under the
+    /// current forces of the constraints, replaces its guess by it, and returns the positions of all coordinates there.
+    /// Where the loads determine the stiffness of constraints and the tangent was not positive definite, this is tried
+    /// again with stiffer ones. The forces remain as they were if this fails.
     ///
     /// # Errors
     /// Returns the errors of `solve`, or [`SolverError::ConstraintDefect`] if defects do not vanish.

@@ -64,8 +64,8 @@ fn factorize_projected(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), S
     factorize_shifted(balance, q, t)
 }
 
-/// Prepares solves with the projected tangent and a little mass, which makes a semidefinite matrix definite, such as that of
-/// a string that is not yet taut.
+/// Prepares solves with the projected tangent plus a small multiple of the mass. The mass makes a semidefinite matrix
+/// definite, such as that of a string that is not yet taut.
 fn factorize_shifted(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
     let stiffest = balance.stiffest(q, t)?;
     let mut failure = SolverError::NotFactored;
@@ -150,8 +150,8 @@ pub(crate) fn solve(
             return Err(SolverError::NoConvergence { iterations, residual: 1.0, tolerance });
         }
         if iteration == 1 {
-            // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long; only
-            // the way that it goes counts.
+            // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long: only
+            // the part of it that was made counts.
             stop.scale = stop.scale.max(length * decrement);
             last = stop.relative(decrement);
         }

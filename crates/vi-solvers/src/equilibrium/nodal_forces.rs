@@ -84,8 +84,9 @@ pub fn external_forces(system: &System, state: &State) -> Vec<f64> {
 /// that do not accelerate, plus the inertia that consistent mass transfers to them, M_pf q̈; zero at free
 /// coordinates.
 ///
-/// Live terms, such as contact, have the forces that `stepper` knows of its last step ([`Stepper::see_live_forces`]), with those that
-/// have no potential, and otherwise their gradient.
+/// The forces of live terms, such as contact, are those that `stepper` reports for its last step
+/// ([`Stepper::see_live_forces`]), including forces without a potential. Without such a report, they are the gradient
+/// of the terms.
 pub fn reactions(system: &System, state: &State, stepper: Option<&dyn Stepper>) -> Vec<f64> {
     let mut out = system.positions(state);
     match live_gradient(system, stepper) {

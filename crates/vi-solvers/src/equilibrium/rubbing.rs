@@ -23,8 +23,8 @@ const SHORTEST: f64 = 1.0 / 64.0;
 const GROWTH: f64 = 1e4;
 /// Longest correction of a body that nothing holds, as a multiple of the distance after which pairs are searched again.
 const REACHES: f64 = 20.0;
-/// Longest correction as a fraction of the extent of the bodies. What slides farther than the extent in one increment finds
-/// no hold.
+/// Longest correction as a fraction of the extent of the bodies. A body that slides farther than its extent in one
+/// increment counts as unsupported.
 const FARTHEST: f64 = 0.1;
 
 struct Rubbing<'a, 'b> {

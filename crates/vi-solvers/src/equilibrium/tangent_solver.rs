@@ -16,7 +16,7 @@ use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_
 use crate::options::LinearSolver;
 use crate::work::Work;
 
-/// What is asked of the solver of one matrix.
+/// The number and accuracy of the solves that one matrix serves.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Demand {
     /// Number of solves.
@@ -98,7 +98,7 @@ impl TangentSolver {
         Self { kind, reason: format!("{}: asked for", linear.name()), solution: Vec::new() }
     }
 
-    /// Takes the factor, or conjugate gradients if they cost less for what is asked or the factor is too large.
+    /// Takes the factor, or conjugate gradients if they cost less for this demand or the factor is too large.
     fn compare(
         (factor, demand): (Factor, Demand),
         a: &SymmetricMatrix,

@@ -20,7 +20,8 @@ pub(crate) struct WorkDone {
 }
 
 impl WorkDone {
-    /// Begins at positions x with this g and these f of all coordinates; no f means zero.
+    /// Begins at the positions x of all coordinates, with g = `gradient` and f = `forces` there (N); an empty f means
+    /// zero.
     pub(crate) fn begin(x: &[f64], t: f64, gradient: &[f64], forces: Vec<f64>) -> Self {
         Self { x: x.to_vec(), t, gradient: gradient.to_vec(), forces, energy: StepEnergy::default() }
     }
@@ -30,7 +31,7 @@ impl WorkDone {
         self.energy
     }
 
-    /// Goes on to positions x at t with this g and these f.
+    /// Adds the work from the last positions to x at load factor t, with g = `gradient` and f = `forces` there (N).
     pub(crate) fn go_to(
         &mut self,
         system: &System,

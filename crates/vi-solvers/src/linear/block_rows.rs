@@ -249,7 +249,7 @@ mod tests {
 
     type Owned = Vec<(u32, Vector3<f64>)>;
 
-    /// Returns dyads of four nodes of a chain of `count` nodes, that of the right vectors a little turned.
+    /// Returns dyads of four nodes of a chain of `count` nodes, with the right vectors slightly rotated.
     fn dyads(count: u32) -> Vec<[Owned; 2]> {
         let weights = [1.0, -0.5, -0.3, -0.2];
         let normal = |k: f64| Vector3::new((0.3 * k).sin(), (0.3 * k).cos(), 0.2) * 10.0;

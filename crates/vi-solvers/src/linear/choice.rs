@@ -22,7 +22,7 @@ use crate::work::Work;
 
 /// Relative error of a solve by conjugate gradients in the energy norm. Newton's method corrects it.
 const FORCING: f64 = 0.05;
-/// Relative error of a solve while solutions are differenced.
+/// Relative error of a solve while the caller subtracts solutions from each other.
 const TIGHT: f64 = 1e-8;
 /// Relative error of a solve that nothing corrects.
 const EXACT: f64 = 1e-13;
@@ -64,7 +64,7 @@ pub(crate) struct ChosenSolver {
     is_exact: bool,
     /// For a continued run: whether the earlier run used conjugate gradients, and whether it used single precision.
     continued: Option<[bool; 2]>,
-    /// Whether solutions are differenced, so that solves need a tight tolerance.
+    /// Whether the caller subtracts solutions from each other, so that solves need the tolerance `TIGHT`.
     is_tight: bool,
     costs: UnitCosts,
     /// The reason for this path, in words.
@@ -119,7 +119,7 @@ impl ChosenSolver {
         !matches!(self.path, Path::Undecided)
     }
 
-    /// Returns whether the solver is chosen, if only by the run that this one continues.
+    /// Returns whether the solver is chosen, by this run or by the run that it continues.
     pub(crate) fn is_chosen(&self) -> bool {
         self.is_ready() || self.continued.is_some()
     }

@@ -1,5 +1,5 @@
-//! Solves (A + E) δ = b, where A has a factor and E is what the true matrix has besides A. GMRES solves the preconditioned
-//! system (I + A⁻¹E) δ = A⁻¹b.
+//! Solves (A + E) δ = b, where A has a factor and E is the difference between the true matrix and A. GMRES solves the
+//! preconditioned system (I + A⁻¹E) δ = A⁻¹b.
 //!
 //! GMRES ends when the error is small relative to the whole δ. In contact, a correction may be much longer than the gap of a pair
 //! in a stiff layer, and that error would then close the gap. So the residual b − (A + E) δ must be small too; otherwise
@@ -27,12 +27,12 @@ pub(crate) trait Perturbed {
     fn solution(&mut self) -> &[f64];
 }
 
-/// Completes a system whose solution is A⁻¹b, with b of the norm `size`, to that of (A + E) δ = b. GMRES solves to the relative
-/// error `forcing`. Returns the number of solves with A.
+/// Replaces the solution A⁻¹b of `system` by the solution δ of (A + E) δ = b; `size` is the norm of b. GMRES solves to
+/// the relative error `forcing`. Returns the number of solves with A.
 pub(crate) fn solve<P: Perturbed>(system: &mut P, size: f64, forcing: f64) -> Result<usize, P::Error> {
     let mut b = system.solution().to_vec();
     let mut products = 0;
-    // The solution before the current solve, without A⁻¹b, and what is left of the residual.
+    // The solution before the current solve, without A⁻¹b, and the remaining residual.
     let (mut solved, mut rest) = (vec![0.0; b.len()], vec![0.0; b.len()]);
     for _ in 0..=REFINEMENTS {
         let product = |v: &[f64]| {

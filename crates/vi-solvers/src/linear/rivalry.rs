@@ -6,12 +6,13 @@ use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::memory::StepperMemory;
 
-/// Number of solves after which the solvers are compared for the first time; then after twice as many, and so on.
+/// Number of solves after which the solvers are compared for the first time. Each further comparison follows after
+/// twice as many solves as the last one.
 const FIRST_LOOK: u64 = 12;
 /// A rival must be cheaper by this factor.
 const MARGIN: f64 = 1.15;
 /// Number of solves that share the cost of one factor, as stale factors do.
-pub(super) const SOLVES_A_FACTOR: f64 = 25.0;
+pub(super) const SOLVES_PER_FACTOR: f64 = 25.0;
 
 /// The work with the current solver, and the costs of a factor.
 #[derive(Debug, Clone, Default)]
@@ -60,7 +61,7 @@ impl Rivalry {
 
     /// Returns whether conjugate gradients are dearer than a factor.
     pub(super) fn is_dearer(&self, gradients: [f64; 2]) -> bool {
-        self.share(gradients, 1.0) > MARGIN * self.share(self.factor, 1.0 / SOLVES_A_FACTOR)
+        self.share(gradients, 1.0) > MARGIN * self.share(self.factor, 1.0 / SOLVES_PER_FACTOR)
     }
 
     /// Returns the largest cost of a solve by conjugate gradients that is still cheaper than a factor, if a

@@ -1,5 +1,5 @@
-//! What the choice of a linear solver is based on, for time steps and equilibria: the size of a factor, and a trial solve
-//! by conjugate gradients.
+//! Provides the data for the choice of a linear solver, in time steps and equilibria: the size of a factor, and the
+//! cost of a trial solve by conjugate gradients.
 
 use crate::linear::cost;
 use crate::linear::factor::FactorFacts;

@@ -24,7 +24,7 @@ pub(crate) struct Unsymmetric {
     pattern: Option<Pattern>,
     /// The scaled matrix of the last factors, if there are any.
     scaled: Option<Scaled>,
-    /// The last factors, whose memory the next ones take.
+    /// The last factors. The next ones are stored in the same memory.
     numeric: NumericLu<u32, f64>,
 }
 

@@ -1,14 +1,14 @@
-//! The most that the solve of a step may cost. A step beyond it is given up, so that the caller can divide it before
-//! more work is spent on it.
+//! The largest cost of the solve of a step. A step that exceeds it is given up, so that the caller can divide the step
+//! before more work is spent on it.
 
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
 use crate::work::Work;
 
-/// Work up to which a step may always go on: this many iterations, and this many new factors. Of the steps of a flag of
-/// cloth (h = 2.5 to 17 ms), those that halves did not beat took at most 20 iterations and 6 factors; those that failed
-/// took 25 to 60 iterations and 20 to 30 factors. With half of this budget the flag took 4 times as long at h = 17 ms,
-/// because substeps of .5 ms needed as many iterations each as whole steps.
+/// A step is not given up before it has made this many iterations and this many new factors. Of the steps of a flag of
+/// cloth (h = 2.5 to 17 ms), those that two steps of half the length would not have made cheaper took at most 20
+/// iterations and 6 factors; those that failed took 25 to 60 iterations and 20 to 30 factors. With half of this budget
+/// the flag took 4 times as long at h = 17 ms, because substeps of .5 ms needed as many iterations each as whole steps.
 const ITERATIONS: f64 = 20.0;
 const FACTORS: u64 = 4;
 
@@ -18,8 +18,8 @@ pub enum Budget {
     /// The solve uses every fallback before it fails, and any solution is accepted.
     #[default]
     Unlimited,
-    /// The solve uses every fallback before it fails, but a step that ends with a gap with which the next one would fail is not
-    /// accepted.
+    /// The solve uses every fallback before it fails. A step is rejected if it ends with a gap so small that the next
+    /// step would fail.
     Divisible,
     /// The solve is given up if it needs more than 4 new factors, more than the cost of these and 20 iterations, and
     /// more than this cost, in seconds of the reference core ([`UnitCosts::seconds`]). Fallbacks that cost more than two steps of

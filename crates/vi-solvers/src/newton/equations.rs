@@ -42,7 +42,8 @@ pub(crate) trait Equations {
     /// Shortens the path from the beginning of the step to the start of the iteration, so that it stays within the
     /// limits of all terms.
     fn shorten_start(&mut self, _system: &System, _evaluator: &mut Evaluator) {}
-    /// Returns the largest fraction of the last correction that the terms allow, in (0, `most`]; no more of its path is examined.
+    /// Returns the largest fraction of the last correction that the terms allow, in (0, `most`]. Examines the path up
+    /// to the fraction `most` only.
     fn largest_step(&mut self, _system: &System, _evaluator: &mut Evaluator, most: f64) -> f64 {
         most
     }
@@ -51,16 +52,17 @@ pub(crate) trait Equations {
     fn longest_correction(&self, _evaluator: &Evaluator) -> f64 {
         f64::INFINITY
     }
-    /// Omits from R the part that keeps its solution from minimising the merit, or linearises it at the last evaluation; restores it if
-    /// not `simple`. Returns false if there is no such part.
+    /// If `simple`, omits the part of R that has no potential, or linearises it at the last evaluation, so that the
+    /// solution of R = 0 minimises the merit; otherwise restores that part. Returns false if R has no such part.
     fn simplify(&mut self, _evaluator: &mut Evaluator, _simple: bool) -> bool {
         false
     }
-    /// Keeps all further unknowns where the constraints are met, so that there is a merit along these; ends this if not `keeps`. Nothing
-    /// changes without constraints.
+    /// If `keeps`, moves all further iterates onto the manifold of the constraints, along which there is a merit;
+    /// otherwise stops doing so. Does nothing without constraints.
     fn keep_constraints(&mut self, _keeps: bool) {}
-    /// Shortens the whole step until the body has no more energy at its end than at its beginning, with the work of loads, if the
-    /// unknowns are kept where constraints are met and nothing moves by prescription. Evaluates −R there.
+    /// Shortens the whole step until the energy at its end, less the work of loads, is at most the energy at its
+    /// beginning. Does so only if iterates are kept on the manifold of the constraints and no prescribed coordinate
+    /// moves. Evaluates −R at the new end.
     fn restrain(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
         Ok(())
     }
@@ -112,9 +114,10 @@ impl<'a, E: Equations> Solve<'a, E> {
         Self { system, evaluator, inverse, equations, before }
     }
 
-    /// Returns an error if the work of this solve exceeds a budget. There is no budget near contact: budgets count the work in matrices,
-    /// which is less than that of contact then, and pairs that meet, rather than the length of the step, decide how hard it is. A
-    /// cloth of 40 × 40 cells on a sphere by `backward-euler` (5 ms, .5 s of motion) takes 42 instead of 67 s.
+    /// Returns an error if the work of this solve exceeds a budget. There is no budget near contact. Budgets count the
+    /// work in matrices, which is then less than the work of contact; and the pairs that meet determine how hard the
+    /// step is, rather than its length. A cloth of 40 × 40 cells on a sphere by `backward-euler` (5 ms, .5 s of motion)
+    /// takes 42 instead of 67 s.
     pub(super) fn check(&self, budget: Budget) -> Result<(), SolverError> {
         if self.evaluator.has_pairs_near() {
             return Ok(());

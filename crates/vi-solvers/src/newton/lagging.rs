@@ -28,7 +28,7 @@ use crate::newton::solver::Newton;
 const PASSES: usize = 3;
 const ACCURACY: f64 = 1e-5;
 const STIFFNESS: f64 = 100.0;
-/// A pass that needs no more iterations than this changes nothing, and further ones are left out.
+/// A pass that needs no more iterations than this has not changed the solution; the remaining passes are skipped.
 const IDLE: u32 = 1;
 
 /// Goes to the solution with lagged friction. Returns the number of iterations.

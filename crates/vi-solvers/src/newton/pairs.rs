@@ -33,12 +33,13 @@ const FORCING: f64 = 1e-4;
 /// third of the time of GMRES. Scenes of `stress --contact`, at most about this size, gain in robustness; where time is lost was not
 /// measured.
 const MOST_DIRECT: usize = 1000;
-/// The largest number of equations and constraints whose complete tangent is factored in every iteration. Factors of more, up to
-/// `MOST_DIRECT`, are kept only once the error is below `NEAR`, and those of still more from the first one on. With this instead of
-/// factors in every iteration up to 1000, a sheet of 400 equations under a ball takes 4.5 instead of 5.6 s, two sheets that are pulled
-/// between balls 9.8 instead of 12.3 s, twelve dominoes 5.7 instead of 6.5 s. Without `NEAR`, a thin beam that folds takes .6 instead of
-/// .35 s, because more of its steps are divided; with `NEAR` for all, two cloths that collide take 2.5 instead of 1.9 s. A stack
-/// of ten blocks (180) gains nothing, and its forces at rest are off by 1.1e-8 instead of 9.7e-9 if its factors are kept.
+/// The largest number of equations and constraints whose complete tangent is factored in every iteration. In systems of
+/// up to `MOST_DIRECT` equations, factors are kept once the error is below `NEAR`; in larger systems, from the first
+/// factor on. With this instead of factors in every iteration up to 1000, a sheet of 400 equations under a ball takes
+/// 4.5 instead of 5.6 s, two sheets that are pulled between balls 9.8 instead of 12.3 s, twelve dominoes 5.7 instead of
+/// 6.5 s. Without `NEAR`, a thin beam that folds takes .6 instead of .35 s, because more of its steps are divided; with
+/// `NEAR` for all, two cloths that collide take 2.5 instead of 1.9 s. A stack of ten blocks (180) gains nothing, and
+/// its forces at rest are off by 1.1e-8 instead of 9.7e-9 if its factors are kept.
 const MOST_REFACTORED: usize = 200;
 /// Cost of a factor of the complete tangent relative to one of the symmetric model, with which the products of GMRES are compared.
 /// When one correction took more work in products, the later ones of the step are found by complete factors. Processor time of
@@ -46,20 +47,23 @@ const MOST_REFACTORED: usize = 200;
 /// 12.8, 12.3 and 12.7 s with 3, 8, 16, 24 and 32; a cube of 3993 equations 3.8 s with GMRES alone and 8.3, 4.0 and 3.4 s with 3, 8
 /// and 16; a cloth of 5043 equations on a ball 42 s with GMRES alone and 39, 65 and 51 s with 12, 16 and 24.
 const COMPLETE_FACTOR: f64 = 12.0;
-/// The largest number of equations for that: complete factors of more fill far more than those of the symmetric model. A factor of
-/// 10 000 equations takes .16 s for a sheet and .53 s for a cube.
+/// The largest number of equations for which complete factors replace products. In larger systems complete factors have
+/// far more fill than factors of the symmetric model. A factor of 10 000 equations takes .16 s for a sheet and .53 s
+/// for a cube.
 const MOST_AFTER_PRODUCTS: usize = 20_000;
 /// Complete factors serve the next iteration too if the error decreased to less than this fraction. A cloth of
 /// 5043 equations that falls on a ball takes 34, 24, 23 and 22 s of processor time for 70 steps with .1, .3, .5 and .7, and 1964,
 /// 1620, 1699 and 1865 iterations.
 const KEEPING: f64 = 0.3;
-/// Relative error below which the complete tangent contains those of the directions of forces, and the same for tangents of which GMRES takes
-/// products. The axis between a ball of .3 m and cells of 25 mm moves twelve times as far over a cell as its nodes move, so without
-/// these tangents the iteration diverges near solutions. Seconds of `backward-euler` for the cloth of 40 × 40 cells on that ball (μ = .1): 5
-/// ms, .3 s of motion, 61 never, 45 with 3e-3, 26 with .1; 10 ms, .2 s of motion, 22 with .1 and 29 with .3.
+/// Relative errors below which the complete tangent contains the tangents of the directions of normal forces: if it is
+/// factored, and if GMRES takes its products. The axis between a ball of .3 m and cells of 25 mm moves twelve times as
+/// far over a cell as its nodes move, so without these tangents the iteration diverges near solutions. Seconds of
+/// `backward-euler` for the cloth of 40 × 40 cells on that ball (μ = .1): 5 ms, .3 s of motion, 61 never, 45 with 3e-3,
+/// 26 with .1; 10 ms, .2 s of motion, 22 with .1 and 29 with .3.
 const NEAR: f64 = 3e-3;
 const NEAR_BY_PRODUCTS: f64 = 0.1;
-/// Largest number of iterations in a row without progress after passes with lagged friction: those that converge need two to six.
+/// Largest number of iterations in a row without progress after passes with lagged friction. Series that converge need
+/// two to six iterations.
 const POLISHING: u32 = 10;
 /// Smallest fraction of a correction that the line search tries.
 const SHORTEST: f64 = 1.0 / 64.0;
@@ -198,7 +202,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         let may_keep = keeps_below > 0.0;
         let mut is_direct = *becomes_direct || is_direct(solve);
         let mut wanted = if is_direct { None } else { newton.factor_for_pairs(solve) };
-        // Whether the iteration goes on as before, with the same factors.
+        // Whether the next iteration uses the same factors as the last one, so that it can be accelerated.
         let mut is_steady = false;
         let (mut solves, mut products, mut eta) = (0, 0, f64::INFINITY);
         // The number of products with a new factor of the model.
@@ -208,7 +212,8 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
         solve.evaluate()?;
         let longest = solve.equations.longest_correction(solve.evaluator);
         loop {
-            // Factors of the complete tangent are not those of the inverse.
+            // Solves with factors of the complete tangent do not check for an interruption, unlike those with the
+            // inverse.
             solve.inverse.check_interrupt()?;
             let energy;
             let was_direct = is_direct;
@@ -300,7 +305,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
 /// Returns the error below which factors of the complete tangent may serve the next iteration too.
 fn keeps_below<E: PairEquations>(solve: &Solve<'_, E>) -> f64 {
     match solve.equations.complete_size() {
-        // They cost little more than an evaluation.
+        // Such factors cost little more than an evaluation of the residual.
         Some(size) if size <= MOST_REFACTORED => 0.0,
         Some(size) if size <= MOST_DIRECT => NEAR,
         _ => f64::INFINITY,
@@ -321,7 +326,8 @@ fn direct_pays<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool 
     is_possible && products as f64 * costs.solve > COMPLETE_FACTOR * costs.factor
 }
 
-/// Evaluates after this part of the correction, or after less of it if that is outside the domain of a term. Returns the part.
+/// Makes the given fraction of the correction, or a smaller one if that leaves the domain of a term, and evaluates the
+/// residual there. Returns the fraction.
 fn approach<E: Equations>(solve: &mut Solve<'_, E>, part: f64) -> Result<f64, SolverError> {
     let mut fraction = part;
     if fraction < 1.0 {
@@ -338,7 +344,7 @@ fn approach<E: Equations>(solve: &mut Solve<'_, E>, part: f64) -> Result<f64, So
     }
 }
 
-/// The equations of a correction, and the energy −R·δ/c of what is solved so far, J.
+/// The equations of a correction δ, and the energy −R·δ/c of the part of δ that is solved so far, J.
 struct Correction<'a, 'b, E> {
     solve: &'a mut Solve<'b, E>,
     energy: f64,

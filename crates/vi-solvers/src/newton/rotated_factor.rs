@@ -1,7 +1,8 @@
-//! Rotations of the material at the nodes, by which a factor made at one configuration is used at another: A⁻¹ ≈ R
-//! A₀⁻¹ Rᵀ. R is block diagonal over the nodes with the blocks polar(F̄_now) polar(F̄_then)ᵀ; F̄ is the
-//! deformation gradient around the node, averaged by volume and stiffness: if a node of a stiff part turned with its soft
-//! neighbours, the rotated A would resist rigid motions of the stiff part. A lumped mass commutes with R.
+//! Rotations of the material at the nodes, by which a factor made at one configuration is used at another: A⁻¹ ≈ R A₀⁻¹
+//! Rᵀ. R is block diagonal over the nodes with the blocks polar(F̄_now) polar(F̄_then)ᵀ; F̄ is the deformation gradient
+//! around the node, averaged over the elements with weights of volume times stiffness. If a node of a stiff part
+//! rotated with its soft neighbours, the rotated A would resist rigid motions of the stiff part. A lumped mass commutes
+//! with R.
 
 use nalgebra::Matrix3;
 use vi_core::System;

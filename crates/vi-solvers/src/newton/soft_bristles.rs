@@ -80,10 +80,11 @@ const CHEAP: usize = 1;
 #[derive(Clone, Copy)]
 pub(crate) struct Aim {
     pub(crate) tolerance: f64,
-    /// The largest number of iterations in a row after which no more pairs obey their law of friction than before.
+    /// A series ends without success after this many iterations in a row in which the number of pairs that do not obey
+    /// their law of friction does not fall below its least value.
     pub(crate) most: u32,
-    /// The fraction of their stiffness with which bristles resist slip. If it is below one, the solution is only a start
-    /// for the next stage.
+    /// The stiffness of bristles in this stage, as a fraction of their full stiffness. If it is below one, the solution
+    /// is only a start for the next stage.
     pub(crate) stiffness: f64,
     /// Whether the same fraction of a correction is made at all nodes if it is cut short.
     pub(crate) is_uniform: bool,
@@ -190,7 +191,7 @@ fn stiffen(
     }
 }
 
-/// The results of one iteration.
+/// The results of one iteration, by which it is judged.
 pub(crate) struct Iteration {
     /// The error, relative, and the size of the residual.
     pub(crate) eta: f64,

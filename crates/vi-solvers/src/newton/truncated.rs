@@ -43,7 +43,8 @@ impl Newton {
         if solve.equations.has_merit() {
             return self.truncated(solve, most);
         }
-        // Forces without a potential are linearised where the body comes to by itself: there they do not amplify what was extrapolated.
+        // Linearise forces without a potential at the position that the body reaches by inertia alone: an extrapolated
+        // position could amplify oscillations of earlier steps.
         self.begin(solve, Start::Inertial)?;
         let is_simplified = solve.equations.simplify(solve.evaluator, true);
         let solved = self.truncated(solve, most);
@@ -55,7 +56,8 @@ impl Newton {
 
     fn truncated<E: Equations>(&self, solve: &mut Solve<'_, E>, most: u32) -> Result<Solved, SolverError> {
         if solve.equations.has_merit() {
-            // What the unknowns were before is not part of the memory of a stepper.
+            // Set a start that does not depend on the unknowns of the last solve, which are not part of the memory of a
+            // stepper.
             solve.start(Start::Predicted);
             best_start(solve)?;
         }

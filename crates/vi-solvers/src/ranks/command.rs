@@ -1,4 +1,4 @@
-//! What the conductor tells the other ranks to do with a component.
+//! The commands that the conductor (the first rank) sends to the other ranks, each for one component.
 
 /// A command; its data follow in messages.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,5 @@
-//! The vectors of Lanczos' method for the highest frequency (`schemes/lanczos.rs`), of the portion of one of several ranks. Only
-//! sums over all ranks are left to the first one.
+//! The vectors of Lanczos' method for the highest frequency (`schemes/lanczos.rs`), restricted to the portion of one of
+//! several ranks. The first rank computes only the sums over all ranks.
 
 use vi_core::{Exchange, System};
 

@@ -127,7 +127,9 @@ impl Layout {
         Some(Self::new(system, (nodes, reported), runs, Vec::new(), steps))
     }
 
-    /// Returns the layout of a system with one term elsewhere, beside affine ones. `nodes` are those of the runs of each rank.
+    /// Returns the layout of a system in which other processes hold one term
+    /// ([`Potential::elsewhere`](vi_core::Potential::elsewhere)) and all other terms are affine. `nodes` holds the
+    /// nodes of the runs of each rank, ascending.
     pub(crate) fn of_far_parts(system: &System, nodes: Vec<Vec<u32>>, steps: bool) -> Option<Self> {
         let (terms, size) = (system.terms(), nodes.len());
         let mut runs = vec![Vec::new(); size];

@@ -110,7 +110,7 @@ impl Member {
         Ok(Self::of_taken(taken, method, None, exchange).0)
     }
 
-    /// Makes a portion of what was taken for it.
+    /// Makes the portion from the data that [`Taken`] holds.
     fn of_taken(
         taken: Taken,
         method: &Method,
@@ -149,8 +149,8 @@ impl Member {
         (member, of_all)
     }
 
-    /// Obeys a command of the first rank; returns false if these bytes are none. `members` are those of this rank, by
-    /// component.
+    /// Obeys a command of the first rank; returns false if the bytes encode no command. `members` are those of this
+    /// rank, by component.
     pub fn obey(members: &mut [Option<Self>], bytes: &[u8]) -> bool {
         let Some((component, command)) = Command::decode(bytes) else { return false };
         let Some(Some(member)) = members.get_mut(component) else { return false };
@@ -209,7 +209,7 @@ impl Member {
             Command::Prepare { t, factors, is_projected } => {
                 let Some(rows) = &mut member.rows else { return false };
                 let x = first(Vec::new(), rows.counts().0);
-                // The first rank finds the same.
+                // Ignore the result: the first rank computes the same one.
                 rows.prepare(&x, t, factors, is_projected);
             }
             Command::Diagonal => {
@@ -227,7 +227,8 @@ impl Member {
         true
     }
 
-    /// Takes q and p, and if the evaluator was somewhere, the positions of all coordinates there.
+    /// Takes q and p of the free coordinates and, if the evaluator has evaluated, the positions of all coordinates at
+    /// its last evaluation. `evaluated` is the time of that evaluation (s), and whether its gradient is known.
     pub(crate) fn place(&mut self, numbers: &[f64], evaluated: Option<(f64, bool)>) {
         let n = self.state.q.len();
         let (q, rest) = numbers.split_at(n);
@@ -243,7 +244,7 @@ impl Member {
         self.put_evaluator(&memory);
     }
 
-    /// Places the evaluator where it was.
+    /// Restores the place of the last evaluation.
     fn put_evaluator(&mut self, memory: &StepperMemory) {
         if let Task::Steps(stepper) = &mut self.task {
             // All entries are there, with the lengths of this portion.

@@ -58,7 +58,7 @@ impl Outside {
         self.is_ready = true;
     }
 
-    /// Forgets the matrix, for which there is another solver.
+    /// Drops the matrix, because another solver solves with it.
     pub(super) fn leave(&mut self) {
         self.is_ready = false;
     }

@@ -34,7 +34,7 @@ pub(crate) struct Rows {
     block: usize,
     exchange: Arc<dyn Exchange>,
     solver: Option<Box<Solver>>,
-    /// A solver from outside, if it was asked for.
+    /// A solver from outside, if one was requested.
     outside: Option<Outside>,
 }
 
@@ -226,7 +226,7 @@ impl Rows {
         all[self.own.clone()].to_vec()
     }
 
-    /// Returns what happened in solves since the last call that the user should know, in words.
+    /// Returns messages for the user about the solves since the last call.
     pub(crate) fn take_findings(&mut self) -> Vec<String> {
         self.outside.as_mut().map_or_else(Vec::new, Outside::take_findings)
     }

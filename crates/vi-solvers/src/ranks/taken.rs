@@ -1,5 +1,5 @@
-//! What a rank takes from a system for its portion. The system is not needed any more then: of a part that is made for this
-//! alone, the rank can give the memory back before it makes the vectors of its portion.
+//! Takes from a system the data of the portion of one rank. Afterwards the system is not needed: if it is a part that
+//! was made for this purpose alone, the rank can free its memory before it makes the vectors of the portion.
 
 use std::sync::Arc;
 

@@ -40,7 +40,7 @@ pub(crate) fn energy_of(term: &dyn Potential, x: &[f64], t: f64) -> f64 {
     })
 }
 
-/// Returns ∂V/∂x·ẋ of a term, W.
+/// Returns the power ∂V/∂x·ẋ of a term, W, for the velocities `x_dot` of all coordinates (m/s).
 pub(crate) fn power_on(term: &dyn Potential, x: &[f64], t: f64, x_dot: &[f64]) -> f64 {
     let stencils = term.stencils();
     let (count, size, block) = (stencils.count(), stencils.size(), stencils.block);
@@ -78,10 +78,11 @@ pub(crate) fn gradient_of_changing(system: &System, evaluator: &Evaluator) -> Ve
 
 /// Potential energy before and after a step, and the work of loads that change with time.
 ///
-/// The terms that change with time, C(x, t), take in ∫ ∂C/∂t dt = ΔC − ∫ ∂C/∂x·ẋ dt from outside. A scheme with several stages books
-/// the last integral with its own nodes and weights, so that the error of this account has the order of the scheme, and jumps of
-/// C in time are booked as they are. A scheme whose forces act at the middle of a step takes in C(x₁, t₁) − C(x₁, t_m) + C(x₀, t_m) −
-/// C(x₀, t₀): then energy–momentum, whose discrete gradient is that of C(x, t_m), keeps the balance to round-off.
+/// The terms that change with time, C(x, t), receive the work ∫ ∂C/∂t dt = ΔC − ∫ ∂C/∂x·ẋ dt from outside. A scheme
+/// with several stages books the last integral with its own nodes and weights, so that the error of this account has
+/// the order of the scheme, and jumps of C in time are booked as they are. For a scheme whose forces act at the middle
+/// t_m of a step, this work is C(x₁, t₁) − C(x₁, t_m) + C(x₀, t_m) − C(x₀, t₀). With it the energy–momentum method,
+/// which takes the discrete gradient of C(x, t_m), keeps the balance to round-off.
 pub(crate) struct PotentialEnergies {
     /// V at the start, J.
     pub(crate) start: f64,

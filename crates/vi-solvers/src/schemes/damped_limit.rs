@@ -1,13 +1,13 @@
 //! The stability limits of the explicit schemes that take forces of velocity.
 //!
 //! A mode q̈ = −ω² q − d q̇ with z = hω and δ = hd is multiplied by a 2 × 2 matrix per step. It is stable while |det| ≤ 1 and
-//! |trace| ≤ 1 + det. The symplectic Euler schemes take the force of damping at the velocity before the kick: det = 1 − δ and
-//! trace = 2 − δ − z², so that
+//! |trace| ≤ 1 + det. The symplectic Euler schemes evaluate the damping force at the velocity before the kick: det = 1
+//! − δ and trace = 2 − δ − z², so that
 //! ```text
 //! z² + 2δ ≤ 4.
 //! ```
-//! Störmer–Verlet takes it there in its first kick, and in its last one at the velocity that this kick predicts. With x = δ/2, a = 1 − x
-//! and b = 1 − x + x² it has det = ab and trace = 1 + ab − ½z²(1 + a²), so that
+//! Störmer–Verlet evaluates it at that velocity in its first kick, and at the predicted velocity in its last kick. With
+//! x = δ/2, a = 1 − x and b = 1 − x + x² it has det = ab and trace = 1 + ab − ½z²(1 + a²), so that
 //! ```text
 //! z² ≤ 4 F(x),   F = (1 + ab)/(1 + a²).
 //! ```
@@ -28,9 +28,9 @@ fn bound(x: f64) -> f64 {
 }
 
 impl Method {
-    /// Returns the frequency (rad/s) of an undamped oscillator that limits the step as much as modes do whose highest frequency is
-    /// `omega` (rad/s), and whose velocities decay by damping at rates up to `rate` (1/s). Their limit is
-    /// [`stability_limit`](crate::MethodFacts::stability_limit) divided by it.
+    /// Returns the frequency ω_lim (rad/s) that limits the step of modes with frequencies up to `omega` (rad/s) whose
+    /// velocities decay by damping at rates up to `rate` (1/s): an undamped oscillator of frequency ω_lim has the same
+    /// limit. The largest stable step is h = [`stability_limit`](crate::MethodFacts::stability_limit)/ω_lim.
     pub fn limiting_frequency(&self, omega: f64, rate: f64) -> f64 {
         match self {
             // h = 4/(d + √(d² + 4ω²)).
@@ -58,8 +58,9 @@ mod tests {
     use super::*;
     use crate::schemes::kick_drift::splitting::Splitting;
 
-    /// Returns the spectral radius of a step of a mode, as the schemes make it: kicks take the velocity before them, the last one of
-    /// a scheme that also begins with a kick the velocity that it predicts.
+    /// Returns the spectral radius of a step of a mode, as the schemes make it: each kick evaluates the damping force
+    /// at the velocity before it; the last kick of a scheme that also begins with a kick, at the velocity that it
+    /// predicts.
     fn radius(scheme: &Splitting, z: f64, delta: f64) -> f64 {
         let column = |mut q: f64, mut v: f64| {
             for i in 0..scheme.kicks.len() {

@@ -10,7 +10,7 @@ use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 /// Returns the filter of the lumped mass of `system`, whose strain energies are at rest at positions `x` of all
-/// coordinates, m. It depends on nothing else, so that a run that continues has the same one.
+/// coordinates, m. The filter depends on nothing else, so that a continued run has the same one.
 ///
 /// # Errors
 /// Returns [`SolverError::NotFinite`] if a strain energy has no finite Hessian at `x`.
@@ -25,8 +25,8 @@ pub fn mass_filter(system: &System, x: &[f64]) -> Result<MassFilter, SolverError
     Ok(filter.with_highest(highest))
 }
 
-/// Returns the highest eigenvalue of M⁻¹L, 1/s². It enters the motion, so it is a definite number, to round-off: that of a body that is
-/// rotated, or whose nodes have other numbers, is the same.
+/// Returns the highest eigenvalue of M⁻¹L, 1/s². The motion depends on this number. It is therefore computed to
+/// round-off, so that it does not depend on the orientation of the body or on the numbering of its nodes.
 fn highest_eigenvalue(system: &System, filter: &MassFilter) -> Result<f64, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 || filter.entries() == 0 {

@@ -1,5 +1,6 @@
-//! Rigid motions under which the energy of a term is invariant. Terms do not declare them, so gradients at positions without
-//! symmetry tell. A few stencils are enough, because all stencils of a term have the same form of energy.
+//! Rigid motions under which the energy of a term is invariant. Terms do not declare them; they are found from
+//! gradients at positions without symmetry. A few stencils are enough, because all stencils of a term have the same
+//! form of energy.
 
 use std::ops::Range;
 

@@ -180,8 +180,8 @@ impl KickDrift {
     }
 
     /// Makes plain steps with one pass over the coordinates per force: the last kick of a step and the first kick of
-    /// the next use the same force. If there are several steps, nothing may depend on time. Returns false if a number
-    /// is not finite.
+    /// the next use the same force. If `count` is above one, no term and no prescribed coordinate may depend on time.
+    /// Returns false if a number is not finite.
     fn advance_swept(
         &mut self,
         system: &System,

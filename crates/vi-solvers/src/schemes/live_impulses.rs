@@ -11,7 +11,7 @@ pub(crate) struct LiveImpulses {
     is_kept: bool,
     /// The impulses of the open step, N s.
     open: Vec<Impulse>,
-    /// The sums over the accepted steps, and what they were at the mark, N s.
+    /// The sums over the accepted steps, and their values at the mark, N s.
     sums: Vec<Impulse>,
     marked: Vec<Impulse>,
 }

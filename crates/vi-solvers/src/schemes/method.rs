@@ -103,11 +103,11 @@ pub struct Accepts {
     pub constraints: bool,
     /// Whether the scheme accepts mass that is not lumped.
     pub consistent_mass: bool,
-    /// Whether the scheme accepts live terms that dissipate: contact with friction or damping. Other schemes take live terms by their
-    /// potential alone.
+    /// Whether the scheme accepts live terms that dissipate: contact with friction or damping. Other schemes use the
+    /// potential of live terms only.
     pub dissipative_terms: bool,
-    /// Whether the end of every step is one that live terms such as contact admit. Other schemes do not look at it, or may end a step
-    /// before their equations are solved; scenes with contact refuse them.
+    /// Whether every step ends at a configuration that live terms, such as contact, admit. Other schemes do not check
+    /// the end of a step, or may end it before their equations are solved; scenes with contact refuse them.
     pub contact: bool,
 }
 

@@ -53,8 +53,8 @@ pub trait Stepper: Send {
     /// factorisation that it requires.
     fn restore(&mut self, system: &System, memory: &StepperMemory) -> Result<(), SolverError>;
 
-    /// Keeps `state`, and what its next steps depend on, in the memory of other processes, in place of the state that it kept before.
-    /// Returns false and keeps nothing if there are none that could.
+    /// Keeps `state`, and the data on which its next steps depend, in the memory of other processes; replaces the state
+    /// that was kept before. Returns false and keeps nothing if no other process shares the system.
     ///
     /// # Errors
     /// Returns [`SolverError::Memory`] if what it should remember does not belong to this scheme and system.
@@ -71,13 +71,13 @@ pub trait Stepper: Send {
         Err(SolverError::Memory { missing: "a state to go back to" })
     }
 
-    /// Marks the present state: [`Stepper::return_to_mark`] goes back to it. Replaces the last mark. Explicit schemes do nothing: they
-    /// must not make steps with contact again in another number.
+    /// Marks the current state, so that [`Stepper::return_to_mark`] can go back to it. Replaces the last mark. Explicit
+    /// schemes do nothing, because an interval with contact must not be repeated with another number of explicit steps.
     fn mark(&mut self) {}
 
-    /// Takes back what live terms remember of the steps since [`Stepper::mark`]: friction, and impulses and gaps that were not taken.
-    /// The caller takes back the state. Unlike after [`Stepper::restore`], the next steps are those from the mark to the tolerance of
-    /// the solver, not bit for bit, and cost no new factor.
+    /// Restores the memory of live terms at [`Stepper::mark`]: friction, and impulses and gaps that were not taken. The
+    /// caller restores the state. Unlike after [`Stepper::restore`], the next steps agree with those from the mark only
+    /// to the tolerance of the solver, and need no new factor.
     fn return_to_mark(&mut self) {}
 
     /// Returns the linear solver of its steps and the reason for it; `None` before the first solve and for explicit
@@ -114,8 +114,9 @@ pub trait Stepper: Send {
         0.0
     }
 
-    /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know them. Schemes whose
-    /// momenta do not change by the forces at the end of a step, where the terms act, return those of the last step over all the time.
+    /// Returns the impulses between parts of live terms since the last call, N s; `None` if the scheme does not know
+    /// them. If the terms act at the end of a step but the momenta do not change by the forces there, returns the
+    /// forces of the last step times the duration of all steps since the last call.
     fn take_impulses(&mut self) -> Option<Vec<Impulse>> {
         None
     }

@@ -12,8 +12,8 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors;
 
 impl Evaluator {
-    /// Makes live terms that have a discrete gradient act over steps, between the ends that [`Evaluator::set_ends`] sets or at the
-    /// second one, as the span of [`Evaluator::open_step`] says.
+    /// Makes live terms that have a discrete gradient act over steps: between the two ends that [`Evaluator::set_ends`]
+    /// sets, or at the second end if the span of [`Evaluator::open_step`] says so.
     #[must_use]
     pub(crate) fn over_steps(mut self) -> Self {
         self.assembler.split_live();
@@ -141,7 +141,7 @@ impl Evaluator {
         }
     }
 
-    /// Ends what [`Evaluator::lag_friction`] began.
+    /// Makes live terms act by their forces over the step again, after [`Evaluator::lag_friction`].
     pub(crate) fn end_lag(&mut self) {
         self.lists_pairs = true;
         self.gradient_is_of_x = false;
@@ -164,7 +164,7 @@ impl Evaluator {
         meetings
     }
 
-    /// Returns the Hessian of live terms alone at the last configuration; `None` if nothing is near.
+    /// Returns the Hessian of live terms alone at the last configuration; `None` if no pair is near.
     pub(crate) fn live_hessian(&mut self) -> Option<&SymmetricMatrix> {
         let Self { assembler, x, t, work, .. } = self;
         let (hessian, count) = assembler.live()?.own_hessian(x, *t)?;
@@ -237,8 +237,8 @@ impl Evaluator {
         }
     }
 
-    /// Opens a step that comes straight to (q, t) and arrives there with the velocities q̇, for the forces that live terms with a memory have
-    /// in this motion. The memory is that of (q, t).
+    /// Opens a step that ends at (q, t) after a motion with the constant velocities q̇, to evaluate the forces of live
+    /// terms with a memory in this motion. The step begins with the memory that belongs to (q, t).
     pub(crate) fn arrive(
         &mut self,
         system: &System,
@@ -254,8 +254,8 @@ impl Evaluator {
         Ok(())
     }
 
-    /// Closes a step from (q, t) to (q, t). Returns the work and impulses of live terms in this step, without
-    /// those of their potential.
+    /// Closes a step from (q, t) to (q, t). Returns the work and impulses of live terms in this step, without the work
+    /// and impulses of their potential.
     ///
     /// # Errors
     /// Returns [`SolverError::Crossing`] if the path of the step is obstructed.
@@ -275,7 +275,8 @@ impl Evaluator {
         Ok(live.close_step(start, end))
     }
 
-    /// Returns what acts at the end of the step that was closed last, on the velocities of all coordinates there.
+    /// Returns the dampers and the friction that act at the end of the step that was closed last, at the velocities
+    /// `x_dot` of all coordinates there.
     pub(crate) fn end_forces(&mut self, x_dot: &[f64]) -> EndForces {
         let (Some([_, end]), Some(live)) = (&self.ends, self.assembler.live()) else {
             return EndForces::default();
@@ -290,7 +291,8 @@ impl Evaluator {
         }
     }
 
-    /// Adds what acts on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a gradient, N s.
+    /// Adds impulses on nodes at the end of the step that was closed last: the nodes, and impulses with the sign of a
+    /// gradient, N s.
     pub(crate) fn add_at_end(&mut self, nodal: impl Iterator<Item = (Vec<u32>, Vec<f64>)>) {
         if let Some(live) = self.assembler.live() {
             live.add_at_end(nodal);

@@ -1,4 +1,4 @@
-//! What a run that continues another needs of its evaluator, to give the same bits.
+//! Saves and restores the place of an evaluator, so that a continued run has the bits of an uninterrupted one.
 
 use super::Evaluator;
 use crate::assemble::live::LiveState;

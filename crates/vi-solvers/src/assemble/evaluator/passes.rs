@@ -12,9 +12,10 @@ impl Evaluator {
         self.assembler.gather().is_some()
     }
 
-    /// Makes a pass of an explicit step over q and p. `kicks` are the one that ends the previous step and the one
-    /// before the drift. If `sums`, the gradient is that of the last [`Evaluator::sum_chunks`], otherwise the known
-    /// one. Returns whether everything written is finite.
+    /// Makes a pass of an explicit step over q and p. `closing` is the factor of the kick that ends the previous step,
+    /// `kick` that of the kick before the drift. If `sums`, first sums the chunks of the last [`Evaluator::sum_chunks`]
+    /// into the gradient; otherwise the gradient is already valid. Returns whether all numbers that it wrote are
+    /// finite.
     pub(crate) fn sweep(
         &mut self,
         sweep: &Sweep,

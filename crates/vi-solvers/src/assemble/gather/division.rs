@@ -56,7 +56,7 @@ impl Division {
     }
 
     /// Divides the sum of the part of a system that one of `size` ranks needs. `runs` are the numbers of the runs of
-    /// every term in the whole system, and their ranks. Only what concerns that rank is complete.
+    /// every term in the whole system, and their ranks. Only the data of that rank are complete.
     pub(crate) fn of_part(part: &Gather, terms: &Terms, runs: &[Vec<(u32, u32)>], size: usize) -> Self {
         let rank = |Chunk { span, .. }: &Chunk| {
             runs[span.term][span.stencils.start / terms.fixed()[span.term].run_length()].1
@@ -64,7 +64,7 @@ impl Division {
         Self::with_ranks(part, part.chunks.iter().map(rank).collect(), size)
     }
 
-    /// Divides a sum whose chunks have these ranks.
+    /// Divides a sum, given the rank that computes each chunk.
     fn with_ranks(whole: &Gather, chunk_ranks: Vec<u32>, size: usize) -> Self {
         let mut slot_ranks = vec![0; whole.slot_nodes.len()];
         for (chunk, &rank) in whole.chunks.iter().zip(&chunk_ranks) {

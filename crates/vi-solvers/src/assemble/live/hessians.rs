@@ -73,8 +73,8 @@ impl LiveSum {
         Some(discrete.hessian(pair, 0.0, HessianEvaluation::Exact))
     }
 
-    /// Returns the matrices, with their factors, of which the part of the last Hessian consists that comes from the terms with a
-    /// discrete gradient.
+    /// Returns the parts of the last Hessian that come from terms with a discrete gradient, as matrices with their
+    /// factors.
     pub(crate) fn last_tangents(&self) -> Vec<(f64, &SymmetricMatrix)> {
         let Some(near) = &self.near else { return Vec::new() };
         let parts = match (&self.lagged, &near.parts) {

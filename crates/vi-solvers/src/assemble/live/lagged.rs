@@ -13,13 +13,13 @@ impl LiveSum {
         self.lists_pairs() && self.passage.span().acts_at_end
     }
 
-    /// Makes the terms act by their potentials from now on, and their friction by the potential that it has with the normal forces at
+    /// Makes the terms act by potentials until [`LiveSum::end_lag`]. The potential of friction has the normal forces at
     /// `end` and the tractions that `acting` predicts.
     pub(crate) fn lag(&mut self, start: &[f64], end: &[f64], acting: &Acting) {
         self.follow(start, Some(end));
         let discrete = self.near.as_ref().map_or(&[][..], |near| &near.discrete);
         let friction = self.passage.lagged(discrete, [start, end], acting);
-        // Its nodes are those of the terms that have it.
+        // The nodes of friction are nodes of the terms, so this does not fail.
         let terms = Terms::new(Arc::clone(self.terms.shared_coordinates()), friction);
         self.lagged = terms.ok().map(|terms| FixedSum::new(terms, self.block));
     }

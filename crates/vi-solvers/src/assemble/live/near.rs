@@ -16,7 +16,7 @@ pub(crate) fn end_per_stage(is_at_end: bool) -> f64 {
     if is_at_end { 1.0 } else { 2.0 }
 }
 
-/// Number of candidates up to which all of them are used: then choosing does not pay.
+/// Number of candidates up to which all of them are used, because choosing would cost more than it saves.
 const FEW: usize = 500;
 /// Reach of the first choice relative to the longest motion of a node in the step, and of later ones relative to the distance of
 /// an iterate outside the last one.
@@ -25,7 +25,7 @@ const SPARE: f64 = 2.0;
 
 /// A term with a discrete gradient, with its index in the list.
 type Numbered = (usize, Arc<dyn Potential>);
-/// The discrete gradient of a term over the open step; `None` if that of the term serves.
+/// The discrete gradient of a term over the open step; `None` to use the discrete gradient of the term itself.
 type Over = Option<Arc<dyn DiscreteGradient>>;
 
 /// The stencils near one configuration.
@@ -51,8 +51,8 @@ impl Near {
         }
     }
 
-    /// Returns the Hessians to be summed, with their factors. That of the tangents over a step is ∂x₁/∂x; without it, they are
-    /// left out.
+    /// Returns the Hessians to be summed, with their factors. The tangents of discrete gradients have the factor ∂x₁/∂x
+    /// = `end_per_stage`; they are left out if it is `None`.
     pub(super) fn hessians<'a>(
         &'a mut self,
         fixed: &'a SymmetricMatrix,
@@ -76,8 +76,8 @@ impl Near {
         hessians
     }
 
-    /// Makes the pairs of the open step, which begins at the places `start` of nodes, valid at all `places`, the last of which is its
-    /// end as far as it is known.
+    /// Chooses the pairs of the open step such that they are valid at `start`, where the nodes are when the step
+    /// begins, and at all `places`. The last of these is the end of the step as far as it is known.
     pub(super) fn choose(&mut self, start: &[f64], places: &[&[f64]], passage: &Passage) {
         let count: usize = self.discrete.iter().map(|(_, term)| term.stencil_count()).sum();
         let is_served =

@@ -21,7 +21,8 @@ const CLOSE: [f64; 2] = [1e-8, 1e-3];
 /// An equilibrium on the path.
 #[derive(Clone, Copy)]
 struct Place {
-    /// Its projection on the chord of the step, as a share of the chord.
+    /// Projection of the way from the start of the step to this equilibrium on the chord of the step, as a fraction of
+    /// the chord.
     share: f64,
     load: f64,
     /// The lowest eigenvalue there, 1/s².
@@ -76,7 +77,8 @@ impl Path {
         Ok(())
     }
 
-    /// Returns the equilibrium whose projection on the chord between two others is this share of it; `None` if it is not found.
+    /// Returns the equilibrium whose projection on the chord between two others is the fraction `share` of the chord;
+    /// `None` if it is not found.
     fn place_at(
         &self,
         search: &mut Search,

@@ -11,7 +11,7 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::model::Model;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
-use crate::linear::rivalry::SOLVES_A_FACTOR;
+use crate::linear::rivalry::SOLVES_PER_FACTOR;
 use crate::linear::trial::{CONSIDER_FLOPS, describe, too_large, try_gradients};
 use crate::options::LinearSolver;
 use crate::work::Work;
@@ -69,7 +69,7 @@ impl ChosenSolver {
             self.rivalry.begin(None);
             return Ok(());
         }
-        let direct = costs.factor / SOLVES_A_FACTOR + costs.solve;
+        let direct = costs.factor / SOLVES_PER_FACTOR + costs.solve;
         let flops = 1e-9 * facts.flops;
         if let Some([iterations, gradients]) = try_gradients(model, system.free_mass(), FORCING, direct, work)
         {

@@ -1,5 +1,5 @@
-//! The assembly tree of a multifrontal factor. It tells which columns are eliminated together, where their dense
-//! front is stored, and how the update of one front enters the next (Duff, Reid 1983; Liu 1992).
+//! The assembly tree of a multifrontal factor. It determines which columns are eliminated together, where their dense
+//! front is stored, and to which entries of its parent the update of a front is added (Duff, Reid 1983; Liu 1992).
 //!
 //! It is built once per pattern from the nodal graph. Supernodes are runs of consecutive nodes of a postordered
 //! nested dissection that have equal columns; runs are merged if this stores only few zeros (Ashcraft, Grimes 1989).

@@ -186,7 +186,8 @@ impl Share {
         self.exchange.any(flag)
     }
 
-    /// Returns the number of the first free coordinate that a process passes, among those of all processes.
+    /// Returns the first free coordinate that any process reports by `own`, as its number among the free coordinates of
+    /// all processes; 0 if none reports one.
     pub(super) fn first_free(&self, own: Option<u32>) -> usize {
         let number = own.map(|free| self.free.get(free as usize).map_or(free, |&number| number));
         let found = self.gather(&number.map_or(Vec::new(), |number| vec![f64::from(number)]));

@@ -99,8 +99,8 @@ impl SingleRows {
         });
     }
 
-    /// Multiplies the rows from `first` on, as many as `y` has. The lanes are the coordinates of a row; those behind the last
-    /// one hold numbers of the next block, which nobody reads.
+    /// Multiplies the rows from `first` on, as many as `y` has. The lanes are the coordinates of a row; the lanes after
+    /// the last coordinate hold numbers of the next block, which are not used.
     #[inline(always)]
     fn multiply_task<const B: usize, const W: usize>(
         &self,

@@ -1,5 +1,5 @@
-//! Implicit Euler for looks: the solve of a step ends after a fixed number of linear solves. Order 1 where it converges
-//! within them; it loses energy, and where it does not converge bodies look softer and slower than they are.
+//! Implicit Euler for animation, with a fixed number of linear solves per step. If the solves converge, the scheme has
+//! order 1; it loses energy. If they do not converge, bodies look softer and slower than they are.
 
 use super::BackwardEuler;
 use crate::error::SolverError;

@@ -114,7 +114,7 @@ impl Multipliers {
         self.forces.copy_from_slice(&self.last);
     }
 
-    /// Has Z computed anew before the next correction, whose directions are those of another start.
+    /// Requests that Z is computed anew before the next correction, because another start has other directions.
     pub(crate) fn forget_directions(&mut self) {
         self.z_is_of = None;
     }

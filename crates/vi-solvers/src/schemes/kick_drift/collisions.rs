@@ -42,9 +42,9 @@ pub(super) struct Collisions {
 
 /// The method by which a drift with acting terms is made.
 enum Way {
-    /// It solves for the coordinates in contact only.
+    /// Solves for the coordinates in contact only.
     Touching(Box<Touching>),
-    /// It solves for all coordinates, with constraints if there are any.
+    /// Solves for all coordinates, with constraints if there are any.
     Whole(Box<OneStage<Drift>>),
 }
 

@@ -37,8 +37,8 @@ pub(super) struct Touching {
     lists: Lists,
     passage: Passage,
     tolerance: f64,
-    /// Whether the work of forces is that at the solution, for which they are evaluated once more; otherwise it is that of the
-    /// forces before the last correction.
+    /// Whether to evaluate the forces once more at the solution and book their work there; otherwise the work of the
+    /// forces before the last correction is booked.
     pub(super) ledger: bool,
     /// Looked at in every iteration.
     interrupt: Interrupt,
@@ -97,8 +97,8 @@ impl Touching {
         })
     }
 
-    /// Drifts `state` by h. Returns `None` and changes nothing if the drift is q += h M⁻¹p. If `may_divide`, attempts that are
-    /// dearer than two drifts over h/2 are not made.
+    /// Drifts `state` by h. Returns `None` and changes nothing if the drift is q += h M⁻¹p. If `may_divide`, omits
+    /// attempts that cost more than two drifts over h/2.
     ///
     /// # Errors
     /// Returns an error if the equations cannot be solved or the path is not free; nothing is then changed.

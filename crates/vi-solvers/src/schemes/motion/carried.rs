@@ -1,5 +1,5 @@
-//! The velocities with which the parts of a system are carried along: motions in which nothing changes but the place. Every
-//! scheme makes them exactly in steps of any length, so they must not decide how long steps are.
+//! The velocities with which the parts of a system are carried along: uniform translations. Every scheme makes them
+//! exactly in steps of any length, so they must not decide how long steps are.
 //!
 //! A part is what stencils, ties and joints connect. Along an axis it is carried at the velocity of its centre of mass if nothing
 //! holds it, and at the velocity of its supports if these move equally. Springs to points of space, supports along axes of their own
@@ -10,7 +10,7 @@ use vi_core::{DisjointSets, HessianKind, Potential, System};
 
 use crate::schemes::invariance;
 
-/// What holds a part along an axis.
+/// The kind of support of a part along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Hold {
     Nothing,

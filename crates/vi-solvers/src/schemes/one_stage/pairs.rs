@@ -14,7 +14,7 @@ use crate::unit_of_mass::per_unit_of_mass;
 use crate::vectors;
 
 impl<R: Rule> StageEquations<'_, R> {
-    /// Returns whether live terms list pairs that are near this step, as far as the velocities tell.
+    /// Returns whether live terms list pairs near the path that the velocities at the start predict for this step.
     pub(super) fn meets_pairs(&mut self, evaluator: &mut Evaluator) -> bool {
         let Stage { origin, offset, start_t, h, end_per_stage, .. } = &*self.stage;
         if !evaluator.acts_over_steps() {

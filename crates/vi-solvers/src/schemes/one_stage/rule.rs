@@ -59,8 +59,8 @@ pub(crate) trait Rule: Send + Sync {
     fn takes_discrete_gradients(&self) -> bool {
         false
     }
-    /// Returns whether dampers of live terms act on the velocities at the end of the step, which are those of the body and not of a
-    /// part of the step.
+    /// Returns whether dampers of live terms act on the velocities at the end of the step. False for the drift of an
+    /// explicit step: its end velocities belong to a part of the step and are not those of the body.
     fn damps_end(&self) -> bool {
         true
     }

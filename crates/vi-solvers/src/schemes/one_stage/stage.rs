@@ -248,7 +248,8 @@ fn inertial_energy(system: &System, inertia: &Inertia, v: &[f64], scratch: &mut 
 }
 
 impl<R: Rule> StageEquations<'_, R> {
-    /// Replaces forces without a potential by those that are linearised at the last evaluation, or ends this.
+    /// If `holds`, replaces forces without a potential by their linearisation at the last evaluation; otherwise uses
+    /// the forces themselves again.
     pub(super) fn hold_forces(&mut self, evaluator: &mut Evaluator, holds: bool) {
         self.stage.holds_forces = holds && self.stage.is_forced;
         match self.stage.holds_forces {

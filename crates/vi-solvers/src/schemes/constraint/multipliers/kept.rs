@@ -23,7 +23,7 @@ use crate::schemes::constraint::units::{Factored, Units};
 const MOST_RETURNS: u32 = 20;
 
 impl Multipliers {
-    /// Has the iterates of a solve kept on the manifold, or ends this.
+    /// If `is_kept`, keeps further iterates on the manifold; otherwise stops doing so.
     pub(crate) fn keep(&mut self, is_kept: bool) {
         self.is_kept = is_kept;
         self.failure = None;

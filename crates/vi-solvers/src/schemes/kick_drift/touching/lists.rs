@@ -13,8 +13,8 @@ use vi_core::{Coordinates, Live, Potential, Tube};
 use crate::assemble::live::shortest_reach;
 use crate::memory::StepperMemory;
 
-/// Least and largest number of steps for which an outer list is planned, and their ratio to the number of steps that the
-/// last one served: a long path is wide where nodes do not keep to it.
+/// Least and largest number of steps for which an outer list is planned, and their ratio to the number of steps that
+/// the last one served: along a long path the tube must be wide, because nodes deviate from the path.
 const LEAST_OUTER: f64 = 6.0;
 const LARGEST_OUTER: f64 = 48.0;
 const LONGER: f64 = 1.25;
@@ -135,7 +135,7 @@ pub(super) struct Lists {
     farthest: f64,
 }
 
-/// What the lists of the next steps depend on, for a return to this point.
+/// The data on which the lists of the next steps depend, to return to this point.
 pub(in crate::schemes::kick_drift) struct Kept {
     outer: Arc<List>,
     served: f64,

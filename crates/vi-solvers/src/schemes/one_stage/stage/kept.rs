@@ -1,5 +1,5 @@
-//! Stages that are kept where constraints are met, so that they have a merit, and whose steps end with no more energy than they began
-//! with.
+//! Keeps the iterates of a stage on the manifold of the constraints, so that the stage has a merit, and shortens steps
+//! whose energy at the end exceeds the energy at the beginning.
 
 use vi_core::System;
 
@@ -13,8 +13,8 @@ use crate::schemes::constraint::multipliers::Multipliers;
 use crate::schemes::one_stage::rule::Rule;
 use crate::vectors;
 
-/// Least part of a step that is taken from it where its end has too much energy. A pendulum with a cloth, at two solves per step of 5 ms,
-/// had gained .24 J in one step, 4 % of its kinetic energy.
+/// Smallest fraction by which a step is shortened if its end has too much energy. A pendulum with a cloth, at two
+/// solves per step of 5 ms, had gained .24 J in one step, 4 % of its kinetic energy.
 const LEAST_REMOVED: f64 = 1.0 / 64.0;
 
 impl Stage {
@@ -28,7 +28,7 @@ impl Stage {
         self.multipliers.as_ref().is_some_and(|multipliers| !multipliers.is_kept())
     }
 
-    /// Returns why w is not where the constraints are met, if it is to be kept there.
+    /// Returns why w did not reach the manifold of the constraints; `None` if it did, or if it is not kept there.
     pub(super) fn off_constraints(&self) -> Option<&SolverError> {
         self.multipliers.as_ref().and_then(Multipliers::failure)
     }
