@@ -89,8 +89,8 @@ pub fn settle(scene: Scene, watch: &mut dyn TrialWatch) -> Result<(Scene, Option
     Ok((scene, Some(report)))
 }
 
-/// Returns the scene with some scheme in place of `auto`, and its own step or a single one, for everything that does
-/// not depend on the choice: masses, modes, problems.
+/// Replaces `auto` by a fixed scheme, with the step of the scene or a single step, to compute what does not depend on
+/// the choice: masses, modes, problems. Returns the scene.
 pub fn stand_in(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
     if scene.time.scheme == Some(SchemeName::Auto) {

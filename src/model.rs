@@ -57,7 +57,7 @@ pub use rigid::{Pose, RigidModel};
 use crate::scene::Parsed;
 use crate::scene::{Problem, Scene};
 
-/// What a process holds of the bodies.
+/// The data of the bodies that a process holds in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Holding {
     /// Everything.
@@ -85,7 +85,8 @@ pub fn all_problems(parsed: &Parsed) -> Vec<Problem> {
     let mut problems = parsed.problems.clone();
     if let Some(scene) = parsed.scene.as_ref().filter(|_| !problems.is_empty()) {
         let found = parsed.relevant(resolve::resolve(scene, Reading::Whole).err().unwrap_or_default());
-        // A value that is wrong in itself selects nothing either.
+        // If the text already has a problem at this key, the name that it contains cannot be resolved: do not report it
+        // twice.
         let is_new = |problem: &Problem| !parsed.problems.iter().any(|known| known.key == problem.key);
         problems.extend(found.into_iter().filter(is_new));
     }

@@ -61,7 +61,7 @@ pub struct Component {
     pub(crate) system: System,
     pub(crate) state: State,
     pub(crate) stepper: Option<Box<dyn Stepper>>,
-    /// The work on it, if it has no free coordinate and its ledger is kept.
+    /// The account of the work on the component, if it has no free coordinate and its ledger is kept.
     held: Option<Box<HeldWork>>,
     /// Subdivision of its steps.
     pace: Pace,
@@ -72,7 +72,7 @@ pub struct Component {
     /// Whether a configuration can lie outside the domain of a term.
     has_domain: bool,
     contact: Option<ContactWatch>,
-    /// What adaptive steps follow; created at first use.
+    /// The frequencies of the motion that adaptive steps follow; created at first use.
     asked: Option<Asked>,
     /// The functions of time that adaptive steps follow; none with other steps.
     driven: Driven,

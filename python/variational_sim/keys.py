@@ -447,7 +447,7 @@ class Joint0(TypedDict, total=False):
     point: Numbers
     """The point at the start, m."""
     to: Union[str, None]
-    """The other one (default: the world)."""
+    """The other body (default: the world)."""
 
 class Joint1(TypedDict, total=False):
     axis: Numbers
@@ -458,7 +458,7 @@ class Joint1(TypedDict, total=False):
     point: Numbers
     """A point of the line at the start, m."""
     to: Union[str, None]
-    """The other one (default: the world)."""
+    """The other body (default: the world)."""
 
 class Joint2(TypedDict, total=False):
     body: str
@@ -467,7 +467,7 @@ class Joint2(TypedDict, total=False):
     point: Union[Numbers, None]
     """A point of both at the start, m (default: the centre of `body`)."""
     to: Union[str, None]
-    """The other one (default: the world)."""
+    """The other body (default: the world)."""
 
 class Joint3(TypedDict, total=False):
     body: str
@@ -476,7 +476,7 @@ class Joint3(TypedDict, total=False):
     point: Numbers
     """The point of `body` at the start, m."""
     to: Union[str, None]
-    """The other one (default: the world)."""
+    """The other body (default: the world)."""
     to_point: Numbers
     """The point of `to` at the start, m."""
 

@@ -1,5 +1,6 @@
-//! What happens in a scene: the functions of time of its loads and supports, and rigid bodies that may meet others. It determines how
-//! coarse a trial may be without missing changes, when the first change occurs, and what steps miss at kinks.
+//! Analyses the events of a scene: the functions of time of its loads and supports, and rigid bodies that may meet
+//! others. Determines how coarse the steps of a trial may be without missing changes, when the first change occurs, and
+//! the error that steps make at kinks.
 
 use super::trial::Choice;
 use crate::scene::{FunctionOfTime, Rigid, RigidShape, Scene, integral};
@@ -93,8 +94,9 @@ pub(super) fn has_event_after(scene: &Scene, t: f64) -> bool {
 /// Returns the largest error of the impulse of a function of time, relative to the impulse of its deviation from its mean or from its start, that a choice
 /// makes at the kinks that the scene names: those of tables, and the start and the end of motions.
 ///
-/// Trials do not always show it. With a pulse of 2.048 steps, its three kinks are missed by amounts whose sum is the same for half and for a quarter of
-/// the step, and for schemes of different order: 5.5e-4 of the impulse of a triangle of 2 ms in 2 s, with 4096 to 16 384 steps.
+/// Differences of trials do not always show this error. For a pulse of 2.048 steps, the sum of the errors at its three
+/// kinks is the same for half and for a quarter of the step, and for schemes of different order: 5.5e-4 of the impulse
+/// of a triangle of 2 ms in 2 s, with 4096 to 16 384 steps.
 pub(super) fn missed_at_kinks(scene: &Scene, choice: &Choice) -> f64 {
     let Some(samples) = choice.method().samples() else { return 0.0 };
     let h = scene.time.end / choice.steps as f64;
@@ -116,7 +118,8 @@ pub(super) fn missed_at_kinks(scene: &Scene, choice: &Choice) -> f64 {
         let end = scene.time.end;
         let points = function.points(number, [0.0, end], SAMPLES);
         let mean = integral(&points, |f| f) / end;
-        // Of a pulse all counts, and of a load that stays what was before.
+        // Compare with the deviation from the mean or from the start, whichever is smaller: a pulse deviates from its
+        // start only while it lasts, and a load that stays deviates from its mean only before it begins.
         let size = [mean, points[0][1]].map(|level| integral(&points, |f| (f - level).abs()));
         let size = size[0].min(size[1]);
         if size > ROUND_OFF * end * mean.abs() { missed.abs() / size } else { 0.0 }
@@ -152,7 +155,7 @@ mod tests {
     fn steps_follow_what_happens() {
         assert_eq!(resolving_steps(&scene("1"), 16), 16);
         assert_eq!(resolving_steps(&scene("t"), 16), 16);
-        // This function has 40 periods.
+        // The run contains 40 periods of this function.
         let periods = resolving_steps(&scene("sin(2*pi*20*t)"), 16);
         assert!((256..=512).contains(&periods), "{periods}");
     }
@@ -172,7 +175,8 @@ mod tests {
         }
     }
 
-    /// What is missed is zero if kinks fall on steps, and for a triangle of 2 ms in 2 s the number that is known otherwise.
+    /// The error at kinks is zero if they fall on steps. For a triangle of 2 ms in 2 s it is the number that was
+    /// computed independently.
     #[test]
     fn what_steps_miss_at_kinks_is_known() {
         let points = vec![[0.0, 0.0], [1.93, 0.0], [1.931, 1.0], [1.932, 0.0]];

@@ -27,7 +27,7 @@ struct Rung {
     seconds: f64,
     /// Relative difference from the previous rung.
     difference: f64,
-    /// What it misses at kinks of functions of time.
+    /// Relative error at kinks of functions of time.
     missed: f64,
 }
 

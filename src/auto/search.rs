@@ -15,8 +15,9 @@ pub(super) const IMPLICIT: [(SchemeName, Option<usize>); 3] =
     [(SchemeName::ImplicitMidpoint, None), (SchemeName::Gauss, Some(2)), (SchemeName::Gauss, Some(3))];
 /// The explicit schemes of higher order that are tried.
 pub(super) const HIGHER: [SchemeName; 2] = [SchemeName::BlanesMoan4, SchemeName::BlanesMoan6];
-/// Fraction of the recommended limit of an explicit scheme for bodies that meet: blows heat bodies whose short waves ring
-/// (docs/contact.md). At the limit, the cloth of `scenes/contact/cloth-on-sphere.toml` gains more than 1 % of its exchanged energy.
+/// Fraction of the recommended limit of an explicit scheme for bodies that meet: near the limit, impacts put energy
+/// into the shortest waves of the mesh, which stay excited (docs/contact.md). At the limit, the cloth of
+/// `scenes/contact/cloth-on-sphere.toml` gains more than 1 % of its exchanged energy.
 const IN_CONTACT: f64 = 0.5;
 /// Number of steps of the coarsest trial of an implicit scheme.
 pub(super) const COARSEST: u64 = 16;
@@ -113,7 +114,8 @@ impl<'a> Search<'a> {
         !self.refused.iter().any(|choice| choice.scheme == scheme && choice.stages == stages)
     }
 
-    /// Returns what a choice misses at kinks of functions of time, which differences of trials do not always show.
+    /// Returns the relative error of a choice at kinks of functions of time ([`activity::missed_at_kinks`]), which differences of
+    /// trials do not always show.
     pub(super) fn missed(&self, choice: &Choice) -> f64 {
         activity::missed_at_kinks(self.scene, choice)
     }

@@ -95,7 +95,7 @@ struct MaterialFacts {
 #[derive(Serialize)]
 struct MeetingFacts {
     between: [String; 2],
-    /// Why they are not searched for contact; `None` if they are.
+    /// The reason why the pair is not searched for contact; `None` if it is.
     skipped: Option<&'static str>,
     /// Thickness d̂ of the contact layer, m, and its modulus κ, Pa.
     distance: Option<f64>,

@@ -1,4 +1,4 @@
-//! `variational completions` and `variational man`: what shells and `man` need to know about the command line.
+//! `variational completions` and `variational man`: describe the command line to shells and to `man`.
 
 use std::path::PathBuf;
 

@@ -99,7 +99,7 @@ pub(super) struct Surfaces<'a> {
     pub(super) rest: &'a [[f64; 3]],
     /// Pairs of periodic nodes, each with the number of its table in the scene.
     pub(super) periodic: &'a [((u32, u32), usize)],
-    /// What attachments and seams join.
+    /// The nodes that attachments and seams join to others.
     pub(super) stitches: &'a [Stitch],
 }
 

@@ -22,7 +22,7 @@ struct Held {
     driven: u8,
 }
 
-/// Where the bodies of a component continue beyond their models.
+/// The nodes at which the bodies of a component continue beyond their models.
 pub(super) struct Cuts {
     held: BTreeMap<u32, Held>,
     /// The nodes of each side of each periodic pair.
@@ -30,9 +30,10 @@ pub(super) struct Cuts {
 }
 
 impl Cuts {
-    /// Finds them from the prescribed coordinates, and from pairs of periodic nodes, each with the number of its table.
+    /// Finds the cuts from the prescribed coordinates, and from pairs of periodic nodes, each with the number of its
+    /// table.
     pub(super) fn new(coordinates: &Coordinates, periodic: &[((u32, u32), usize)]) -> Self {
-        // Of each prescribed coordinate, whether it is still.
+        // For each prescribed coordinate: whether it never moves.
         let mut is_still: BTreeMap<u32, bool> = BTreeMap::new();
         for group in coordinates.prescribed() {
             is_still.extend((0..).zip(&group.dofs).map(|(place, &dof)| (dof, group.path.is_still(place))));
@@ -70,9 +71,10 @@ impl Cuts {
         self.seams.iter().any(|seam| triangle.iter().all(|node| seam.contains(node)))
     }
 
-    /// Returns whether a triangle may be a face on a plane of symmetry, with outward orientation and positions x (m): all its nodes
-    /// are held still along its normal but not all prescribed wholly, as where a body is glued or driven, and none of the `others`,
-    /// the boxes around the surfaces that may meet it, lies before it, as before a bearing.
+    /// Returns whether a triangle, which is oriented outward, may lie on a plane of symmetry at positions x (m). Three
+    /// conditions must hold. All its nodes are held still along its normal. Not all of them are prescribed in all
+    /// coordinates, as they are where a body is glued or driven. No box of `others`, around the surfaces that may meet
+    /// the triangle, lies in front of it, as at a bearing.
     pub(super) fn is_on_mirror(&self, triangle: [u32; 3], x: &[f64], others: &[Bounds]) -> bool {
         let [Some(a), Some(b), Some(c)] = triangle.map(|node| self.held.get(&node)) else { return false };
         let held = [a, b, c];

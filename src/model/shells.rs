@@ -10,12 +10,12 @@ struct Shell {
     triangles: Vec<[u32; 3]>,
     /// Ends of its box, m.
     bounds: Bounds,
-    /// Whether its triangles turn their front outwards.
+    /// Whether the front of its triangles faces outwards.
     is_outward: bool,
 }
 
-/// Returns why the shells of a closed surface, most of whose volume is positive, bound no solid: triangles cross, or a shell within
-/// others does not turn its front the other way than they do; `None` if they bound one.
+/// Returns why the shells of a closed surface bound no solid; `None` if they bound one. Triangles may cross, or a shell
+/// within another one may face the same way. The signed volume of the whole surface must be positive.
 pub(super) fn fault(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<String> {
     let place = |node: u32| points[node as usize];
     if let Some(found) = intersections(points, triangles, &[]).first() {
@@ -49,7 +49,7 @@ pub(super) fn fault(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Option<Strin
     None
 }
 
-/// What a shell within others does that faces outwards, or inwards.
+/// The end of the message for an inner shell that faces the wrong way: outwards, or inwards.
 const OUT: &str =
     "outwards, so that its volume counts twice: remove it, or turn its triangles if it bounds a hollow";
 const IN: &str = "inwards, as a hollow within a hollow: turn its triangles";

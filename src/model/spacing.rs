@@ -1,13 +1,13 @@
-//! Tells where a body is so far from the origin that the spacing of floating-point numbers changes the shape of its elements.
+//! Finds bodies so far from the origin that the spacing of floating-point numbers changes the shape of their elements.
 
 use vi_mesh::{Bounds, Mesh};
 
-/// Spacing of coordinates, relative to the smallest edge, from which it is told. Strains have an error of about this size, which is a
-/// stress of 1e-6 of the stiffness.
-const TOLD: f64 = 1e-6;
+/// Spacing of coordinates, relative to the smallest edge, above which a note is given. Strains have an error of about
+/// this size, which is a stress of 1e-6 of the stiffness.
+const NOTED: f64 = 1e-6;
 
-/// Only bodies that are farther from the origin than this many times their extent are looked at. Nearer ones would need edges
-/// below 1e-7 of their extent.
+/// Only bodies that are farther from the origin than this multiple of their extent are examined. Nearer ones would need
+/// edges below 1e-7 of their extent.
 const FAR: f64 = 1e3;
 
 /// Returns a note if coordinates are spaced too coarsely for the smallest edge.
@@ -20,7 +20,7 @@ pub(super) fn note(name: &str, mesh: &Mesh) -> Option<String> {
         return None;
     }
     let edge = smallest_edge(mesh);
-    (spacing > TOLD * edge).then(|| {
+    (spacing > NOTED * edge).then(|| {
         format!(
             "{name}: at {reach:.1e} m from the origin, coordinates are {spacing:.1e} m apart, and the smallest edge is {edge:.1e} m: \
              strains have errors of {:.0e}; move the bodies to the origin by `translate`",

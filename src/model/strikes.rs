@@ -1,13 +1,14 @@
 //! Strikes: impulses at t = 0, each on the nodes of a region in proportion to their mass.
 //!
-//! The struck nodes a of mass m_a get the velocity w = J/Σm_a. What is tied to other nodes hands its part on to them, as
-//! forces are handed on: with x = S q, a free node k carries s_k = Σ_a S_ak m_a of the struck mass, gets the momentum s_k w,
-//! and hence the velocity (s_k/M_k) w, where M_k includes the mass that is tied to it. A rigid body so gets the
-//! force and the moment of the impulse. The momentum of all nodes that are free is J; held ones take up theirs.
+//! The struck nodes a of mass m_a get the velocity w = J/Σm_a. A tied node transfers its share of the impulse to the
+//! nodes that it is tied to, as it transfers forces: with x = S q, a free node k carries the struck mass s_k = Σ_a S_ak
+//! m_a, gets the momentum s_k w, and hence the velocity (s_k/M_k) w, where M_k includes the mass that is tied to it. A
+//! rigid body thus gets the resultant and the moment of the impulse. If no node is held, the momentum of all nodes is
+//! J; supports take up the share of held nodes.
 //!
-//! A mass matrix that is not diagonal gives these velocities another momentum, because nodes that are not struck take a part. The rest
-//! of the impulse then acts on the struck nodes in proportion to s_k. It is zero if all nodes of a body are struck, which then
-//! does not deform, and for linear elements that no support is near.
+//! With a mass matrix that is not diagonal, these velocities have another momentum, because it couples struck nodes to
+//! others. The difference from J then acts on the struck nodes in proportion to s_k. It is zero if all nodes of a body
+//! are struck, so that the body does not deform, and for linear elements away from supports.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +17,7 @@ use vi_core::{State, System, linear_momentum};
 
 use crate::scene::Problem;
 
-/// Parts of an impulse below this are not told as lost. It is far above the round-off of the sums.
+/// Fraction of an impulse below which a loss to supports is not reported. It is far above the round-off of the sums.
 const LOST: f64 = 1e-9;
 
 /// Parts of an impulse below this are round-off of products with a mass matrix, and not corrected.
@@ -38,7 +39,7 @@ pub(super) struct StruckNodes {
 /// A node that carries a part of the struck mass.
 struct Carrier {
     node: u32,
-    /// That part s_k, kg.
+    /// The struck mass s_k that the node carries, kg.
     struck: f64,
     /// The directions of its coordinates.
     axes: [[f64; 3]; 3],
@@ -66,7 +67,7 @@ impl Carrier {
 }
 
 /// Returns the state at t = 0 with positions x (m) and velocities v (m/s) of all coordinates, struck by impulses, and
-/// notes on what supports take up of these.
+/// notes on the impulses that supports take up.
 ///
 /// # Errors
 /// Returns the problem of a strike that moves nothing.
@@ -136,8 +137,8 @@ fn carriers(system: &System, nodes: &[(u32, f64)]) -> Vec<Carrier> {
     struck.into_iter().map(carrier).collect()
 }
 
-/// Returns the velocity r (m/s) for which Σ s_k r is what the momentum of the velocities (s_k/M_k) w lacks of `given`; `None`
-/// if it lacks nothing, as with diagonal mass.
+/// Returns the velocity r (m/s) with Σ s_k r = `given` − P, where P is the momentum of the velocities (s_k/M_k) w;
+/// `None` if P = `given`, as with diagonal mass.
 fn rest(system: &System, carriers: &[Carrier], w: [f64; 3], given: Vector3<f64>) -> Option<Vector3<f64>> {
     if system.kinetic().is_none() && system.filter().is_none() {
         return None;

@@ -1,9 +1,9 @@
-//! The energy guard detects energy that nothing has put in.
+//! The energy guard detects growth of energy that no work accounts for.
 //!
-//! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping. Damping only takes
-//! energy, so what it brings back, its work above the least work so far, is growth too. It
-//! is judged relative to the exchange, the largest energy that motion and deformation were given: max over time of
-//! H₀ + W⁺ − V_weight − V_load, with the work W⁺ of loads and prescribed motion.
+//! Growth is H − H₀ − W: the total energy beyond its start and the work W of loads, prescribed motion and damping.
+//! Damping can only remove energy. Therefore work of damping above its least value so far is growth too. It is judged
+//! relative to the exchange, the largest energy that motion and deformation were given: max over time of H₀ + W⁺ −
+//! V_weight − V_load, with the work W⁺ of loads and prescribed motion.
 
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -81,7 +81,7 @@ pub(crate) struct Watching {
     pub(crate) stride: u64,
     /// Relative growth of which it warns.
     pub(crate) warns_above: f64,
-    /// Whether it looks at the kinetic energy first, and observes only if that is suspicious.
+    /// Whether it examines the kinetic energy first, and observes only if that is suspicious.
     pub(crate) watches_motion: bool,
 }
 
@@ -167,9 +167,10 @@ impl EnergyGuard {
 
     /// Returns the growth relative to the exchange that is allowed after n steps; `None` if it is not judged yet.
     ///
-    /// What a body that starts from rest has exchanged grows as t² at first, but the error of its energy, of h^p, is there after one
-    /// step: relative to the exchange it is about 1/n^p after n steps of a scheme of order p. An unstable step multiplies the energy
-    /// by a factor each time, so it soon exceeds this too. A bound that the scene states is kept as it is by schemes of higher order.
+    /// The exchange of a body that starts from rest grows as t² at first, but the error of its energy is of the order
+    /// h^p from the first step on. Relative to the exchange, the error is about 1/n^p after n steps of a scheme of
+    /// order p. Unstable steps multiply the energy by a factor each, so they soon exceed this allowance too. If the
+    /// scene states the bound, schemes of order 2 and higher get no allowance.
     fn allowed(&self, steps: u64) -> Option<f64> {
         let bound = self.watching.rule.bound;
         let is_kept = self.watching.is_stated && self.order > 1;
@@ -177,8 +178,9 @@ impl EnergyGuard {
         (steps > 2).then_some(bound.max(error))
     }
 
-    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good point. What had
-    /// grown until there counts, beside what exceeds a part of the bound: a run that goes on from a checkpoint goes back no further.
+    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good
+    /// state before. The growth at that state counts towards the bound, except for the part above `kept_below`, which
+    /// is accepted: a run that continues from a checkpoint cannot go back further.
     pub(crate) fn act(&mut self, step: u64, t: f64, action: String, seen: Growth) {
         let event = GuardEvent { step, t, joules: seen.now, relative: seen.now / seen.exchange, action };
         self.events.push(event);

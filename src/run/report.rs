@@ -13,7 +13,7 @@ use crate::scene::Scene;
 use crate::simulation::Simulation;
 use crate::simulation::stability::{self, StabilityNote};
 
-/// A note tells of steps that stopped short if they are more than one in this many.
+/// A note reports steps that stopped short if they are more than one in this many.
 const FEW_SHORT: u64 = 20;
 
 /// Reason for the end of a run.

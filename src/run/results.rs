@@ -43,8 +43,8 @@ pub struct Peak {
 }
 
 /// Reaction (N) of a `[[fix]]`: the sum over its nodes and axes. A coordinate that several fixes prescribe counts for
-/// the first of them, so that the sum over all fixes is the total reaction. Also that of a rigid body that is fixed or moved: what
-/// is attached to it and what it touches pull on its support.
+/// the first of them, so that the sum over all fixes is the total reaction. Also the reaction of a rigid body that is
+/// fixed or moved: its support balances the forces of attached nodes and of contact.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reaction {
     /// The body.
@@ -125,7 +125,8 @@ fn largest_von_mises(simulation: &Simulation) -> Option<Peak> {
 }
 
 fn reactions(simulation: &Simulation) -> Vec<Reaction> {
-    // Reactions and positions of the nodes with a fix. Those of a whole large body take much memory: one after the other.
+    // Reactions and positions of the nodes with a fix. Process one body after the other, because the arrays of a large
+    // body take much memory.
     let mut of_body: HashMap<usize, HashMap<u32, [[f64; 3]; 2]>> = HashMap::new();
     for (_, NodeSet { body, nodes }) in simulation.fixed_nodes() {
         let of_nodes = of_body.entry(body.index()).or_default();

@@ -30,15 +30,17 @@ use crate::scene::{Guard, GuardAction, history_columns};
 use crate::simulation::stability::stability;
 use crate::simulation::{Observation, Simulation, Snapshot, TOGETHER};
 
-/// Number of steps after which a guard that nobody asked for looks at the kinetic energy of explicit steps, and observes implicit ones.
-/// An observation costs about as much as an explicit step, and a tenth of an implicit one; the kinetic energy costs less than a
-/// tenth of an explicit step. P1 n8 takes 2.4 % longer with an observation every 64 steps, and .5 % with the kinetic energy every 16.
+/// Number of steps after which the guard of a scene without `[guard]` examines the kinetic energy of explicit steps,
+/// and observes implicit ones. An observation costs about as much as an explicit step, and a tenth of an implicit one;
+/// the kinetic energy costs less than a tenth of an explicit step. P1 n8 takes 2.4 % longer with an observation every
+/// 64 steps, and .5 % with the kinetic energy every 16.
 const EXPLICIT_STRIDE: u64 = 64;
 const IMPLICIT_STRIDE: u64 = 4;
-/// With contact it looks at the kinetic energy after each explicit step. The energy of an unstable one grows tenfold and more in each
-/// step, and the first step with contact at such velocities takes minutes and a gigabyte: all pairs are then candidates.
+/// With contact, the guard examines the kinetic energy after each explicit step. The energy of an unstable run grows
+/// tenfold and more in each step, and the first step with contact at such velocities takes minutes and a gigabyte: all
+/// pairs are then candidates.
 const CONTACT_STRIDE: u64 = 1;
-/// Growth of which such a guard warns.
+/// Growth of which the guard of a scene without `[guard]` warns.
 const WARNS_ABOVE: f64 = 0.1;
 
 impl Run {
@@ -58,7 +60,7 @@ impl Run {
         let auto = serde_json::json!(auto);
         let (mut run, first) = Self::build(simulation, auto, name, claim, directory, origin, history)?;
         if !first.is_finite() {
-            // Such a state cannot be written.
+            // A row or a frame cannot hold such a state.
             return Err(run.refuse_start());
         }
         run.write_row(first)?;
@@ -391,7 +393,8 @@ impl Run {
     /// Writes the state at which a run ends early: a checkpoint, then the row and the frame that were not due.
     fn leave(&mut self) -> Result<(), RunError> {
         let begin = Instant::now();
-        // A run that continues has not seen what is observed here: only the state before that is its own.
+        // Take the snapshot before the observation: an uninterrupted run, whose bits a continued one must have, does
+        // not observe here.
         let now = self.simulation.snapshot();
         let seen = self.simulation.observe();
         if seen.is_finite() {

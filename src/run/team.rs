@@ -14,9 +14,9 @@ use crate::record::{self, record};
 use crate::scene::{LinearChoice, Problem, Scene};
 use crate::simulation::{RankFacts, Simulation, are_complete, is_shared, members, problems_of_ranks};
 
-/// What the first rank sends before a run; a command to step has other first bytes.
+/// The first bytes of the message with which the first rank starts a run; a command to step begins with other bytes.
 const START: &[u8; 8] = b"VI-START";
-/// What it sends at the end of the program, before the exit code.
+/// The first bytes of the message with which the first rank ends the program; the exit code follows.
 const END: &[u8; 8] = b"VI-ENDED";
 const FORMAT: u64 = 2;
 
@@ -27,7 +27,7 @@ pub struct Team {
     threads: Option<usize>,
 }
 
-/// What all ranks must run alike.
+/// The settings of a run, which must be equal on all ranks.
 struct Order {
     /// CRC-32 of the program.
     program: u64,
@@ -41,11 +41,11 @@ record!(Order { program: u64, threads: u64, in_parts: u64, origin: Origin });
 
 /// The answer of a rank to an order.
 struct Answer {
-    /// Why it cannot run the scene; empty if it can.
+    /// The reason why the rank cannot run the scene; empty if it can.
     problem: String,
-    /// 1 if its parts of the bodies do not suffice for its portion, else 0.
+    /// 1 if the parts of the bodies that the rank holds do not suffice for its portion, else 0.
     is_incomplete: u64,
-    /// What it sends per evaluation of forces.
+    /// Number of bytes that the rank sends per evaluation of forces.
     bytes: u64,
     node_sum_bytes: u64,
 }
@@ -55,7 +55,7 @@ record!(Answer { problem: String, is_incomplete: u64, bytes: u64, node_sum_bytes
 /// A simulation that all ranks have built.
 struct Built {
     simulation: Simulation,
-    /// What the rank that sends most sends per force.
+    /// The traffic per evaluation of forces of the rank that sends most.
     most: Traffic,
     /// Whether every rank could make its portion from a part of the bodies, if it should.
     is_complete: bool,

@@ -23,8 +23,8 @@ pub trait Watch {
     fn row(&mut self, _step: u64, _seen: &Observation) {}
     /// Called when a frame of time t (s) has been written into this file.
     fn frame(&mut self, _t: f64, _file: &Path) {}
-    /// Called after every step, or after up to some 16 steps with nothing due between them. Return false to end the run
-    /// there, with everything written.
+    /// Called after every step, or after up to 16 steps without output between them. Return false to end the run there,
+    /// with everything written.
     fn step(&mut self, _simulation: &Simulation) -> bool {
         true
     }

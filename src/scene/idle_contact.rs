@@ -6,13 +6,13 @@ use super::{Contact, Problem, Rigid, Scene};
 /// A table or key that names two bodies.
 struct Naming<'a> {
     key: String,
-    /// What the reader is to remove.
+    /// The entry that the user is to remove, in words.
     what: &'static str,
     between: &'a [String; 2],
 }
 
-/// Returns a problem for each pair, probe and exclusion that names bodies without contact between them. Names that are not there
-/// are reported elsewhere.
+/// Returns a problem for each pair, probe and exclusion that names bodies without contact between them. Names that do
+/// not exist are reported elsewhere.
 pub(super) fn problems(scene: &Scene) -> Vec<Problem> {
     let Some(contact) = &scene.contact else { return Vec::new() };
     let pairs = contact.pairs.iter().enumerate().map(|(i, pair)| Naming {

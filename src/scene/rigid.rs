@@ -327,7 +327,7 @@ pub enum Joint {
     Ball {
         /// The rigid body.
         body: String,
-        /// The other one (default: the world).
+        /// The other body (default: the world).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         to: Option<String>,
         /// The point at the start, m.
@@ -337,7 +337,7 @@ pub enum Joint {
     Hinge {
         /// The rigid body.
         body: String,
-        /// The other one (default: the world).
+        /// The other body (default: the world).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         to: Option<String>,
         /// A point of the line at the start, m.
@@ -349,7 +349,7 @@ pub enum Joint {
     Weld {
         /// The rigid body.
         body: String,
-        /// The other one (default: the world).
+        /// The other body (default: the world).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         to: Option<String>,
         /// A point of both at the start, m (default: the centre of `body`).
@@ -360,7 +360,7 @@ pub enum Joint {
     Distance {
         /// The rigid body.
         body: String,
-        /// The other one (default: the world).
+        /// The other body (default: the world).
         #[serde(default, skip_serializing_if = "Option::is_none")]
         to: Option<String>,
         /// The point of `body` at the start, m.
@@ -381,7 +381,7 @@ impl Joint {
         }
     }
 
-    /// Returns the name of the other one; `None` for the world.
+    /// Returns the name of the other body; `None` for the world.
     pub fn to(&self) -> Option<&str> {
         match self {
             Self::Ball { to, .. }

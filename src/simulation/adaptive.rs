@@ -10,8 +10,8 @@
 //! do not, and may turn fast for a small part of an interval: for them, states at the same distances from both ends are asked too,
 //! and n ≥ H · max Q. If a step has to be cut nevertheless, the interval is made again with twice as many.
 //!
-//! The integrating controller of E. Hairer and G. Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled once per interval
-//! it accumulates what fast oscillations contribute to it.
+//! The integrating controller of E. Hairer and G. Söderlind (SIAM J. Sci. Comput. 26 (2005) 1838) needs dQ/dt; sampled
+//! once per interval, it would accumulate the contributions of fast oscillations.
 
 use vi_core::{State, System};
 use vi_solvers::{Frequencies, Method, SolverError, StepError};
@@ -26,9 +26,11 @@ use crate::scene::Time;
 const SHARE: f64 = 0.8;
 /// Largest number of times that an interval is made again because its end asks for another number of steps.
 const REPEATS: usize = 3;
-/// The same for rigid bodies, whose motion may be unlike the one that was found with too few steps.
+/// Largest number of such repetitions for rigid bodies, whose motion may differ from the one that was computed with too
+/// few steps.
 const REPEATS_OF_BODIES: usize = 12;
-/// Largest distance between the states inside an interval that are asked, as a fraction of the interval.
+/// For rigid bodies, the density of steps is evaluated at states inside an interval that are at most 1/`PLACES` of it
+/// apart.
 const PLACES: u64 = 8;
 /// Largest number of steps per interval.
 const MOST: f64 = 1e6;
@@ -64,8 +66,8 @@ impl AdaptiveCounts {
     }
 }
 
-/// What states of a component, and the functions of time that act on it, ask for. The end of an interval is the start of the next one, so
-/// the last is kept.
+/// Evaluates the density of steps that the states of a component, and the functions of time that act on it, require.
+/// Keeps the last result, because the end of an interval is the start of the next one.
 pub(super) struct Asked {
     driven: Driven,
     frequencies: Frequencies,
@@ -83,7 +85,7 @@ impl Asked {
 pub(super) struct Adaptive {
     /// Largest hω with the mean frequency ω of the motion.
     accuracy: f64,
-    /// The same for changes of slope.
+    /// Largest hω at kinks of functions of time, where no scheme has an order above 2.
     accuracy_at_kinks: f64,
     /// The scheme.
     method: Method,
@@ -92,9 +94,9 @@ pub(super) struct Adaptive {
 }
 
 impl Adaptive {
-    /// Returns the rule for a scheme and the tolerance of a scene. A motion of frequency ω has a relative error of about
-    /// (hω)^p/C per radian with a scheme of order p; C is that of implicit midpoint (p = 2) and of Gauss (p = 4, 6), and
-    /// 2 for schemes of order 1.
+    /// Returns the rule for a scheme and the tolerance of a scene. A motion of frequency ω has a relative error of
+    /// about (hω)^p/C per radian with a scheme of order p; C is the constant of implicit midpoint (p = 2) and of Gauss
+    /// (p = 4, 6), and 2 for schemes of order 1.
     pub(super) fn new(method: Method, time: &Time) -> Self {
         let facts = method.facts();
         let tolerance = time.tolerance.unwrap_or(Time::DEFAULT_TOLERANCE);

@@ -1,4 +1,5 @@
-//! Tells that equilibria under loads without a potential are not judged: their stability is not that of a symmetric stiffness.
+//! Notes that the stability of equilibria under loads without a potential is not judged: the symmetric part of the
+//! stiffness does not determine it.
 
 use vi_solvers::circulatory;
 

@@ -88,8 +88,9 @@ impl ContactAt {
     }
 }
 
-/// The contact forces on the two sides of a node. The pair with the largest force shows which side is which. Pairs that count
-/// shared edges back pull, so that the way a pair pushes is that of its vector and not that of its force.
+/// The contact forces on the two sides of a node. The pair with the largest force shows which side is which. Pairs that
+/// subtract doubly counted shared edges pull. Therefore the direction in which a pair pushes is that of its vector, and
+/// not that of its force.
 #[derive(Debug, Clone, Copy, Default)]
 struct Sides {
     /// The largest force of a pair, N, and the vector along which that pair pushes, m.

@@ -1,4 +1,4 @@
-//! Tells how bodies touch: the pairs of bodies with their laws, the smallest gap, and the part of the report on contact.
+//! Reports on contact: the pairs of bodies with their laws, the smallest gap, and the entry of report.json.
 
 use std::collections::BTreeMap;
 

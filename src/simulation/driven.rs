@@ -1,5 +1,6 @@
-//! How fast the functions of time change that act on a component: amplitudes of loads and weight, and motions of supports. They are
-//! known in advance, so that adaptive steps resolve them in each interval, whichever way it is run through.
+//! Measures the rate of change of the functions of time that act on a component: amplitudes of loads and weight, and
+//! motions of supports. These functions are known in advance, so adaptive steps resolve them in each interval, whether
+//! it is run forwards or backwards.
 //!
 //! With a step h, the impulse of a function f over an interval has an error of h²V/12, where V = ∫|f̈| dt is the total variation
 //! of ḟ, kinks included. It is compared with the impulse S of the deviation of f from its mean,
@@ -36,7 +37,7 @@ struct Driver {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Driven(Vec<Driver>);
 
-/// How fast functions of time change in an interval, rad/s.
+/// Rates of change of the functions of time in an interval, rad/s.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Rates {
     pub(super) smooth: f64,
@@ -45,8 +46,8 @@ pub(super) struct Rates {
 }
 
 impl Driven {
-    /// Returns the functions of time of a scene that act on the bodies that `acts` selects. Functions without a finite value are left
-    /// to the force that they make.
+    /// Returns the functions of time of a scene that act on the bodies that `acts` selects. Omits functions without a
+    /// finite value; the force that they scale reports them.
     pub(super) fn new(scene: &Scene, acts: impl Fn(&str) -> bool) -> Self {
         let mut found = Vec::new();
         for (body, function) in scene.functions_of_time() {

@@ -8,7 +8,7 @@ use vi_solvers::{PairInContact, SolverError, StepError};
 use super::Simulation;
 use crate::model::{BodyModel, name_of, part_in_words};
 
-/// A gap below this fraction of its layer is due to a force that the layer is too soft for.
+/// A gap below this fraction of its layer d̂ means that the layer is too soft for the force on it.
 const PRESSED: f64 = 1e-2;
 
 impl Simulation {
@@ -18,7 +18,7 @@ impl Simulation {
         let error = in_numbers_of_meshes(&self.bodies, number, error);
         let pair = self.pair_in_contact(number, &error, from);
         let rubs = self.components[number].system.terms().live().iter().any(|term| term.dissipates());
-        // Friction may hold a body that nothing else holds.
+        // Friction may support a body that has no other support.
         if self.scene.statics.is_some() && !error.is_interruption() && !(rubs && pair.is_some()) {
             let last = match &error.cause {
                 SolverError::Equilibrium { last, .. } => last,

@@ -1,4 +1,4 @@
-//! Tells of what a scene asks for that has no effect on the motion, or acts elsewhere than it says.
+//! Notes entries of a scene that have no effect on the motion, or act at another place than they name.
 
 use std::collections::HashSet;
 

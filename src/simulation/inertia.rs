@@ -1,13 +1,13 @@
-//! Tells how much a filtered mass changes the inertia of the rotations of free bodies. Linear momentum is exact, but momenta p = W⁻¹q̇
-//! of a rotation are larger than M q̇ on a coarse mesh.
+//! Notes by how much a filtered mass changes the inertia of the rotations of free bodies. Linear momentum is exact, but
+//! momenta p = W⁻¹q̇ of a rotation are larger than M q̇ on a coarse mesh.
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Component, Simulation};
 
-/// Relative change of a moment of inertia of which a note tells. That of a beam about its axis changes by 4 % with eight elements
-/// across it, and by 570 % with two.
-const TOLD: f64 = 0.03;
+/// Relative change of a moment of inertia above which a note is given. The moment of a beam about its axis changes by 4
+/// % with eight elements across it, and by 570 % with two.
+const NOTED: f64 = 0.03;
 
 impl Simulation {
     /// Adds a note for each free component with a filtered mass that changes a moment of inertia.
@@ -15,7 +15,7 @@ impl Simulation {
         let changes = self.components.iter().enumerate();
         let changes = changes.filter_map(|(number, component)| Some((number, change_of_inertia(component)?)));
         let notes: Vec<String> = changes
-            .filter(|(_, change)| *change > TOLD)
+            .filter(|(_, change)| *change > NOTED)
             .map(|(number, change)| {
                 let bodies = self.bodies.iter().filter(|body| body.component == number);
                 let names: Vec<String> = bodies.map(|body| format!("'{}'", body.name)).collect();

@@ -38,7 +38,7 @@ pub(crate) type Check<'a> = &'a mut dyn FnMut(&System, &State) -> Result<(), Sol
 pub(crate) struct Cut<'a> {
     /// Initial number of parts, a power of two.
     pub(crate) parts: u32,
-    /// Whether a part that fails may be divided further.
+    /// Whether a part that fails may be divided; otherwise the step fails with it.
     pub(crate) further: bool,
     /// The request that abandons the step before its next part.
     pub(crate) interrupt: &'a Interrupt,

@@ -1,5 +1,5 @@
-//! What the components of a scene need: a scheme, the full ledger of energy, and checks of the domains of their terms. What
-//! ranks cannot share becomes a problem of the scene.
+//! Determines the needs of the components of a scene: a scheme, the full ledger of energy, and checks of the domains of
+//! their terms. Reports systems that ranks cannot share as problems of the scene.
 
 use vi_core::{HessianKind, System};
 use vi_solvers::{Method, SolverError, circulatory};

@@ -65,7 +65,7 @@ impl Observation {
 /// Vectors at the nodes of a body.
 pub(crate) struct OfNodes<'a> {
     body: &'a BodyModel,
-    /// Those of all nodes of its component.
+    /// Vectors at all nodes of the component of the body, 3 numbers per node.
     all: Vec<f64>,
 }
 
@@ -170,7 +170,8 @@ impl Simulation {
     /// this energy at rest. D is the distance by which the coordinates exceed the extent of the component: far from
     /// the origin the coordinates have a larger round-off.
     pub(crate) fn resolution(&self) -> f64 {
-        // The stencils of a term that are in the sample, and the number of those for which each of them stands.
+        // Returns the stencils of a term that are in the sample, and the number of stencils that each of them
+        // represents.
         let sample = |count: usize| {
             let stride = count.div_ceil(64).max(1);
             ((0..count).step_by(stride).collect::<Vec<usize>>(), stride)
@@ -226,7 +227,7 @@ impl Simulation {
         self.places(body).to_vec()
     }
 
-    /// Returns the same positions in the numbering of the component, without a copy in that of the body.
+    /// Returns the positions of [`Simulation::positions`], stored in the numbering of the component; this saves a copy.
     pub(crate) fn places(&self, body: usize) -> OfNodes<'_> {
         self.of_nodes(body, |component| component.system.positions(&component.state))
     }
@@ -243,7 +244,8 @@ impl Simulation {
         rigid.carry(&component.system.positions(&component.state), points)
     }
 
-    /// Returns the current velocities of such points, m/s.
+    /// Returns the current velocities (m/s) of points given in the axes of rigid body number `rigid`, relative to its
+    /// centre.
     pub fn carried_velocities(&self, rigid: usize, points: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let (rigid, component) = self.rigid(rigid);
         rigid.carry(&component.system.velocities(&component.state), points)
@@ -260,7 +262,7 @@ impl Simulation {
         self.supports(body).to_vec()
     }
 
-    /// Returns the same reactions in the numbering of the component, without a copy in that of the body.
+    /// Returns the reactions of [`Simulation::reactions`], stored in the numbering of the component; this saves a copy.
     pub(crate) fn supports(&self, body: usize) -> OfNodes<'_> {
         self.of_nodes(body, reactions)
     }
@@ -303,7 +305,7 @@ impl Simulation {
         values
     }
 
-    /// Calls `see` with these values of some elements after the other.
+    /// Calls `see` with the values of [`Simulation::element_values`] for some elements at a time.
     pub(crate) fn each_element_value(&self, body: usize, field: ElementField, mut see: impl FnMut(&[f64])) {
         let (x, body) = (self.places(body), &self.bodies[body]);
         let whole = if body.far.is_none() { x.to_vec() } else { Vec::new() };

@@ -1,11 +1,12 @@
-//! Tells where bodies whose motion is prescribed pass through each other. Nothing can keep them apart, and both motions are
-//! known before the run.
+//! Notes bodies with prescribed motion that pass through each other. Contact cannot keep them apart, and both motions
+//! are known before the run.
 
 use super::Simulation;
 use crate::model::{Outline, name_of};
 
-/// Number of times at which a pair is looked at, and the number of triangles at all of these together above which there are
-/// fewer: so a run with boxes takes some milliseconds more, and one with two meshes of 100 000 triangles less than two seconds.
+/// Least and largest number of times at which a pair is examined, and the number of triangles at all times together
+/// that the number of times must not exceed: thus a run with boxes takes some milliseconds more, and one with two
+/// meshes of 100 000 triangles less than two seconds.
 const TIMES: [usize; 2] = [4, 64];
 const TRIANGLES: usize = 1_000_000;
 /// Largest number of pairs that a note lists.

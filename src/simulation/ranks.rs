@@ -20,7 +20,8 @@ pub struct RankFacts {
     pub count: usize,
     /// Largest number of bytes that a rank sends to others per evaluation of forces.
     pub bytes_per_force: u64,
-    /// The same, if a rank sent one sum per node and rank. Then the results would depend on the number of ranks.
+    /// This number of bytes if each rank sent one sum per node and rank instead. The results would then depend on the
+    /// number of ranks.
     pub bytes_per_force_of_node_sums: u64,
     /// Whether the ranks generated only the parts of the bodies that they need.
     pub in_parts: bool,

@@ -26,7 +26,8 @@ pub struct Substeps {
     pub substeps: u64,
     /// The smallest substep was h divided by this; 1 if no step was cut.
     pub finest: u64,
-    /// Those of the steps that were only made in the equal parts of [`Simulation::halve`], and not because they were hard to solve.
+    /// Number of those cut steps that were only divided into the equal parts of [`Simulation::halve`], and not because
+    /// they were hard to solve.
     pub halved: u64,
     /// Number of times that the step or the scheme of all further steps was changed after the start.
     pub changes: u64,

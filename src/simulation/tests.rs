@@ -1,4 +1,5 @@
-//! Time symmetry: a symmetric scheme with equal steps returns to its start when it runs backwards. What adaptive steps follow.
+//! Time symmetry: a symmetric scheme with equal steps returns to its start when it runs backwards. Also tests the rule
+//! of adaptive steps.
 
 use crate::prelude::*;
 

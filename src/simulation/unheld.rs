@@ -1,5 +1,5 @@
-//! Finds what moves freely in a scene that has no equilibrium: bodies that nothing holds along an axis, and whose loads along it do
-//! not balance.
+//! Finds the bodies that move freely in a scene that has no equilibrium: no support holds them along an axis, and their
+//! loads along this axis do not balance.
 
 use vi_core::{State, System};
 use vi_solvers::{SolverError, net_forces};

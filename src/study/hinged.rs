@@ -1,4 +1,5 @@
-//! Tells of sheets whose bending model does not converge to a plate, where numbers are compared with those of one.
+//! Notes sheets whose bending model does not converge to a plate, in studies that compare numbers with those of a
+//! plate.
 
 use vi_fem::Bending;
 

@@ -1,4 +1,4 @@
-//! What a tenth of the required error would cost, from the rows of a bench.
+//! Estimates the cost of a tenth of the required error, from the rows of a bench.
 
 use serde::Serialize;
 

@@ -20,7 +20,7 @@ pub struct ModesReport {
     pub free_mass: [f64; 3],
     /// The modes, by ascending ω².
     pub modes: Vec<ModeFacts>,
-    /// What else a reader should know.
+    /// Notes for the reader, for example on missing modes.
     pub notes: Vec<String>,
 }
 
