@@ -49,7 +49,7 @@ impl PartedMesh {
         Ok(Some(Self { files: Files { path: path.into(), index: Index::parse(&bytes, path)? } }))
     }
 
-    /// Returns what is known of the mesh beside its pieces.
+    /// Returns the description of the mesh, without the pieces themselves.
     pub fn pieces(&self) -> &MeshPieces {
         &self.files.index.pieces
     }

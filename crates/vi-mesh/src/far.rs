@@ -8,7 +8,7 @@ use crate::cell::CellKind;
 use crate::mesh::{CellBlock, Mesh};
 use crate::runs::Runs;
 
-/// Number of elements that are looked at together.
+/// Number of elements that are processed together.
 const WINDOW: usize = 1 << 14;
 
 /// The elements of a mesh, all of one kind, as functions of their numbers. They are in runs along Morton's curve, as
@@ -20,7 +20,8 @@ pub trait FarElements: Debug + Send + Sync {
     /// Returns the number of elements.
     fn count(&self) -> usize;
 
-    /// Returns the position of a node at rest, m. It may be read from a file: for a few nodes, or if they are nowhere in memory.
+    /// Returns the position of a node at rest, m. The position may be read from a file, which is slow: call this for a
+    /// few nodes only, or if no positions are in memory.
     fn point(&self, node: u32) -> [f64; 3];
 
     /// Appends the nodes of some elements.
@@ -31,7 +32,8 @@ pub trait FarElements: Debug + Send + Sync {
         element
     }
 
-    /// Returns why elements could not be read since the start, if they come from a file. What was returned since then is not the mesh.
+    /// Returns why elements could not be read since the start, if they come from a file. Elements that were returned
+    /// after the fault are invalid.
     fn fault(&self) -> Option<String> {
         None
     }
@@ -79,7 +81,7 @@ impl dyn FarElements + '_ {
     pub fn window(&self, elements: impl Iterator<Item = u32>, point: impl Fn(u32) -> [f64; 3]) -> Window {
         let mut corners = Vec::new();
         let mut next = 0..0;
-        // Those that follow each other are looked at together.
+        // Read consecutive elements together.
         for element in elements {
             if element != next.end {
                 self.add_nodes(std::mem::replace(&mut next, element..element), &mut corners);

@@ -24,8 +24,8 @@ pub struct MeshPart {
 }
 
 impl MeshPart {
-    /// Cuts the part that process number `process` needs out of a mesh of volumes of one kind: those of these runs that it
-    /// computes, and all that share nodes with them. Regions of facets, edges and points become regions of points.
+    /// Cuts the part that process number `process` needs out of a mesh of volumes of one kind: the runs that it
+    /// computes, and all runs that share nodes with them. Regions of facets, edges and points become regions of points.
     pub fn of_mesh(mesh: &Mesh, process: usize, runs: &Runs) -> Self {
         let mut on_curve = mesh.cells_of_dimension(3);
         sort_by_place(mesh, &mut on_curve);

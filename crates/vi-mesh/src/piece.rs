@@ -14,9 +14,9 @@ pub struct Piece {
     pub corners: Vec<u32>,
     /// The numbers of the nodes in the mesh, ascending.
     pub nodes: Vec<u32>,
-    /// Their positions at rest, m.
+    /// The positions of these nodes at rest, m.
     pub points: Vec<[f64; 3]>,
-    /// What the piece has of each region, ascending: elements of a region of volumes, nodes of others.
+    /// The members of each region in the piece, ascending: elements of a region of volumes, nodes of other regions.
     pub regions: Vec<Vec<u32>>,
 }
 
@@ -30,12 +30,12 @@ impl Piece {
     }
 }
 
-/// The elements of a part, as they are found along the curve, with what they need of the whole mesh.
+/// The elements of a part in the order of the curve, with their nodes and the regions of the whole mesh.
 pub(crate) struct Selected {
     kind: CellKind,
     /// Elements of the whole mesh, in the order of the curve.
     pub(crate) elements: Vec<u32>,
-    /// Their nodes, by their numbers in the whole mesh.
+    /// The nodes of these elements, by their numbers in the whole mesh.
     pub(crate) corners: Vec<u32>,
     /// These nodes and their positions at rest, m; a node may be there several times.
     pub(crate) nodes: Vec<(u32, [f64; 3])>,

@@ -11,8 +11,8 @@ use crate::part::MeshPart;
 use crate::piece::{Piece, Selected};
 use crate::runs::Runs;
 
-/// What is known of a mesh of volumes of one kind beside its pieces. An *element* is a volume; elements are numbered in the order
-/// of the mesh, without other cells.
+/// The description of a mesh of volumes of one kind that is cut into pieces, without the pieces themselves. An
+/// *element* is a volume; elements are numbered in the order of the mesh, without other cells.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MeshPieces {
     /// The kind of all elements.
@@ -34,7 +34,7 @@ pub struct CutMesh<'a> {
     volumes: Vec<u32>,
     /// The volumes in the order of the curve.
     on_curve: Vec<u32>,
-    /// What each region has, ascending: volumes of a region of volumes, nodes of others.
+    /// The members of each region, ascending: volumes of a region of volumes, nodes of other regions.
     members: Vec<Vec<u32>>,
     pieces: MeshPieces,
 }
@@ -84,7 +84,7 @@ impl<'a> CutMesh<'a> {
         Ok(this)
     }
 
-    /// Returns what is known beside the pieces.
+    /// Returns the description of the mesh, without the pieces themselves.
     pub fn pieces(&self) -> &MeshPieces {
         &self.pieces
     }

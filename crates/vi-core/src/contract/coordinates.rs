@@ -182,8 +182,8 @@ impl Coordinates {
         self.levers.get(node as usize).copied().unwrap_or(1.0)
     }
 
-    /// Returns how far places move at most along one axis if the free coordinates change by these numbers, m. Of several stages, the numbers
-    /// follow each other.
+    /// Returns how far places move at most along one axis if the free coordinates change by these numbers, m. `changes`
+    /// may hold the changes of several stages, one stage after the other.
     pub fn farthest(&self, changes: impl ExactSizeIterator<Item = f64>) -> f64 {
         let levers = self.free.iter().map(|dof| self.lever(dof / 3)).cycle();
         changes.zip(levers).map(|(change, lever)| lever * change.abs()).fold(0.0, f64::max)

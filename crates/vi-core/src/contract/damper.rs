@@ -40,15 +40,15 @@ impl Damper {
 /// ```text
 /// c ≤ coefficient   and   c |(a₁, a₂)| ≤ reserve + μ F.
 /// ```
-/// F is negative if dampers hold a pair back that opens. If it slid, its traction over the step was too large then by −μ F, and this
-/// much is taken back.
+/// F is negative if dampers resist the opening of a pair. The traction over the step of a pair that slides is then too
+/// large by −μ F, and a force of this size is taken back.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DryFriction {
     /// The dampers of slip along both tangents, without coefficients.
     pub along: [Damper; 2],
-    /// N s/m: that of a bristle if the pair sticks, infinite if it slides.
+    /// The bound `coefficient` on c, N s/m: the coefficient of a bristle if the pair sticks, infinite if it slides.
     pub coefficient: f64,
-    /// The force that the traction over the step leaves of Coulomb's limit, N.
+    /// Coulomb's limit minus the traction over the step, N.
     pub reserve: f64,
     /// Coefficient of friction μ.
     pub friction: f64,
@@ -64,7 +64,8 @@ impl DryFriction {
         self.coefficient.is_infinite()
     }
 
-    /// Returns the forces along both tangents, N, that take back traction at the force F (N).
+    /// Returns the forces along both tangents, N, that reduce the traction over the step to Coulomb's limit at the
+    /// force F = `pressing` (N).
     pub fn taken_back(&self, pressing: f64) -> [f64; 2] {
         let size = if self.slides() { (-self.friction * pressing).max(0.0) } else { 0.0 };
         self.direction.map(|part| size * part)
@@ -81,11 +82,11 @@ impl DryFriction {
     }
 }
 
-/// What acts on velocities at the end of a step.
+/// The dampers and the friction that act on the velocities at the end of a step.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct EndForces {
     /// Dampers of gaps.
     pub dampers: Vec<Damper>,
-    /// Friction of the pairs that they press.
+    /// Friction of the pairs that these dampers press.
     pub friction: Vec<DryFriction>,
 }

@@ -33,9 +33,9 @@ pub trait DiscreteGradient: Send + Sync {
         None
     }
 
-    /// Appends what acts on velocities at the end of a step, at the positions x (m) and velocities (m/s) of all coordinates. The term is that
-    /// of [`DiscreteGradient::over_step`] with the memory of the end of the step, and a span that
-    /// [damps the end](StepSpan::damps_end).
+    /// Appends the dampers and the friction that act on velocities at the end of a step to `out`, at the positions x
+    /// (m) and velocities (m/s) of all coordinates. The term is that of [`DiscreteGradient::over_step`] with the memory
+    /// of the end of the step, and a span that [damps the end](StepSpan::damps_end).
     fn end_forces(&self, _x: &[f64], _velocity: &[f64], _out: &mut EndForces) {}
 
     /// Returns the work and the memory of the dissipative forces for a step from `start` to `end`.
@@ -78,8 +78,8 @@ pub struct StepOutcome {
     pub impulses: Vec<Impulse>,
     /// The smallest gap of the pairs that acted, at either end, m; `None` if no pair acted.
     pub smallest_gap: Option<f64>,
-    /// The smallest gaps of the pairs that acted, at the start and at the end of the step, relative to the gap from which on a
-    /// pair acts; `None` if no pair acted.
+    /// The smallest gaps of the pairs that acted, at the start and at the end of the step, relative to the distance
+    /// below which a pair acts; `None` if no pair acted.
     pub narrowest: Option<[f64; 2]>,
 }
 

@@ -53,12 +53,13 @@ pub fn runs_of_ranks(run_count: usize, size: usize) -> Vec<Range<usize>> {
     (0..size).map(|rank| if rank == 0 { 0..first } else { end(rank - 1)..end(rank) }).collect()
 }
 
-/// What a rank sends to the others per gradient.
+/// The traffic from a rank to the others per gradient.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Traffic {
     /// Number of bytes.
     pub bytes: u64,
-    /// Number of bytes of one sum per node and rank that needs it, from which the bits of one process could not be kept.
+    /// Number of bytes if the rank sent one sum per node to each rank that needs it. The bits of one process could not
+    /// be reproduced from such sums.
     pub node_sum_bytes: u64,
 }
 

@@ -205,10 +205,11 @@ pub trait Potential: Send + Sync {
         false
     }
 
-    /// For terms that deform a body: writes the corrections G_s − ∂V_s/∂x(x_m) of the gradients at x_m = (x₀ + x₁)/2, one per stencil as
-    /// in [`Potential::gradients`], to forces G_s over a step between these ends. G_s·(x₁ − x₀) = V_s(x₁) − V_s(x₀), and G_s has no
-    /// resultant, no moment about x_m, and the order 2 of the gradient there, for any rotation between the ends. Energy–momentum applies
-    /// them. Returns false, and writes nothing, if the term has none; an empty range asks.
+    /// For terms that deform a body: writes the corrections G_s − ∂V_s/∂x(x_m) of the gradients at x_m = (x₀ + x₁)/2,
+    /// one per stencil as in [`Potential::gradients`], to forces G_s over a step between these ends. G_s·(x₁ − x₀) =
+    /// V_s(x₁) − V_s(x₀), and G_s has no resultant, no moment about x_m, and the order 2 of the gradient there, for any
+    /// rotation between the ends. Energy–momentum applies them. Returns false, and writes nothing, if the term has
+    /// none. To find out, call it with an empty range.
     fn corrections_over_step(&self, _range: Range<usize>, _ends: [&[f64]; 2], _out: &mut [f64]) -> bool {
         false
     }
@@ -287,7 +288,7 @@ pub trait Potential: Send + Sync {
         None
     }
 
-    /// Returns what is known of the stencils if other processes hold them.
+    /// Returns the description of the stencils if other processes hold them; `None` if this process does.
     fn elsewhere(&self) -> Option<Far<'_>> {
         None
     }

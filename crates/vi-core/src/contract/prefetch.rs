@@ -1,13 +1,15 @@
-//! Asks for data in memory ahead of its use, so that it arrives while other data is computed with.
+//! Prefetches data from memory, so that it arrives while the processor computes with other data.
 //!
-//! The processor guesses only accesses that are near in time and within a page of memory. A loop over more data than the caches
-//! hold, with many operations or with indirect accesses, waits for memory unless it asks itself. Asking changes no result.
+//! The processor itself prefetches only accesses that are near in time and within a page of memory. A loop over more
+//! data than the caches hold, with many operations or with indirect accesses, waits for memory unless it prefetches. No
+//! result depends on it.
 
 /// Length of a line of the caches in bytes; a shorter one on some machine would only make the requests incomplete.
 #[cfg(target_arch = "x86_64")]
 const LINE: usize = 64;
 
-/// Asks for the item that lies `ahead` items after `item` in memory. Nothing is read: if there is no such item, nothing happens.
+/// Prefetches the item that lies `ahead` items after `item` in memory. Does not read it: if there is no such item,
+/// nothing happens.
 #[inline(always)]
 pub fn prefetch<T>(item: &T, ahead: usize) {
     #[cfg(target_arch = "x86_64")]

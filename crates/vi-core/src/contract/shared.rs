@@ -2,11 +2,11 @@
 
 use crate::contract::exchange::Traffic;
 
-/// The sums of the fixed terms of a system that several ranks compute together. The first rank asks for them; the others
-/// wait for its questions.
+/// The sums of the fixed terms of a system that several ranks compute together. The first rank requests them; the
+/// others wait for its requests.
 ///
-/// All sums have the bits of one process. Only one caller may ask at a time: components whose terms are shared must not
-/// be evaluated in parallel.
+/// All sums have the bits of one process. Only one caller may request sums at a time: components whose terms are shared
+/// must not be evaluated in parallel.
 pub trait SharedTerms: Send + Sync {
     /// Returns the energies at positions `x` (m, all coordinates) and time t (s): those of each run of stencils that a rank
     /// sums. Affine terms and runs without a free coordinate are left out.
@@ -50,7 +50,7 @@ pub trait SharedTerms: Send + Sync {
     /// Computes v ← A⁻¹v (free coordinates) by preconditioned conjugate gradients, to a relative error in the energy norm.
     fn solve(&self, v: &mut [f64], tolerance: f64, max_iterations: u32) -> SharedSolve;
 
-    /// Returns what happened in solves since the last call that the user should know, in words.
+    /// Returns messages for the user about the solves since the last call.
     fn take_findings(&self) -> Vec<String>;
 
     /// Returns what the first rank sends to others per gradient, without `x`.

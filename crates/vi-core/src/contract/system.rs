@@ -36,13 +36,14 @@ pub struct System {
     constraints: Vec<QuadraticConstraint>,
 }
 
-/// What is known of the lumped mass beside that of the free coordinates, kg. A number is in memory once: on the first of several
-/// processes those of all nodes take a sixth of what it keeps of the whole body.
+/// The lumped mass of coordinates besides `free_mass`, kg. No mass is stored twice: on the first of several processes,
+/// the masses of all nodes take a sixth of the memory of the whole body.
 #[derive(Clone)]
 enum OtherMass {
-    /// That of the other coordinates, ascending.
+    /// The masses of the coordinates that are not free, in ascending order of coordinates.
     OfOthers(Vec<f64>),
-    /// That of all coordinates, because free ones carry the mass of tied ones.
+    /// The masses of all coordinates. `free_mass` differs from them if nodes are tied, because free coordinates carry
+    /// the mass of tied ones.
     OfAll(Vec<f64>),
 }
 

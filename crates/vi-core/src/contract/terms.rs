@@ -49,7 +49,7 @@ impl Terms {
             check_term(term.as_ref(), &self.coordinates)?;
         }
         self.fixed.extend(more);
-        // The others know nothing of the added terms.
+        // Other processes do not hold the added terms, so the sums are no longer shared.
         Ok(Self { shared: None, ..self })
     }
 

@@ -102,14 +102,14 @@ pub fn elastic_in_runs(
     by_kind::<Plain>((InstructionSet::Best, storage), mesh, elements, law, node_offset, name)
 }
 
-/// The elements of which a potential holds the shapes at rest.
+/// The elements whose shapes at rest a potential stores.
 #[derive(Clone, Copy)]
 pub(crate) enum Storage {
     /// All.
     Whole,
-    /// Those of portions that are made later.
+    /// None; the shapes of a portion are computed when the portion is made.
     Portions,
-    /// The same, for elements that are in runs of this length already.
+    /// None, as for `Portions`. The elements are already in runs of this length, and keep their order.
     Runs(usize),
 }
 
@@ -402,7 +402,8 @@ impl<E: Element<N, Q>, const N: usize, const Q: usize> Potential for ElasticPote
     }
 
     fn corrections_over_step(&self, range: Range<usize>, ends: [&[f64]; 2], out: &mut [f64]) -> bool {
-        // The gradient of a quadratic energy in the middle of a step is exact, and small strains do not know rotations.
+        // The gradient of a quadratic energy in the middle of a step is exact, and laws of small strains are not
+        // objective.
         let is_exact = self.law.is_linear();
         if !is_exact && !range.is_empty() {
             self.write_corrections(range, ends, out);

@@ -18,8 +18,9 @@ use crate::runs::Runs;
 const BIN_BITS: u32 = 18;
 
 impl BoxMesh {
-    /// Returns the part of [`BoxMesh::build`] that process number `process` needs: those of these runs that it computes, and all that
-    /// share nodes with them. Returns `None` for elements with nodes elsewhere than at the corners of the cells of the box.
+    /// Returns the part of [`BoxMesh::build`] that process number `process` needs: the runs that it computes, and all
+    /// runs that share nodes with them. Returns `None` for elements with nodes elsewhere than at the corners of the
+    /// cells of the box.
     ///
     /// # Errors
     /// Returns the errors of [`BoxMesh::build`].

@@ -15,8 +15,8 @@ pub(super) enum Opposite {
     /// keeps its normal. The vector is normal to the edge at rest, so that the support exerts a couple along the edge
     /// alone, besides the forces at its nodes.
     Held([f64; 3]),
-    /// The same with the normal of a mirror plane as the vector. The energy is half that of the triangle and its mirror
-    /// image at their common edge.
+    /// The normal of a mirror plane, away from the triangle: the second triangle is the mirror image of the first. The
+    /// energy is half the energy of both triangles at their common edge.
     Mirror([f64; 3]),
 }
 
