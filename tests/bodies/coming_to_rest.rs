@@ -1,4 +1,4 @@
-//! Tests bodies that damping brings to rest: steps do not become harder there, and nothing works.
+//! Tests bodies that damping brings to rest: steps at rest need no more iterations, and no force does work.
 
 use crate::program::Program;
 

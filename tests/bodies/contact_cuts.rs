@@ -141,8 +141,9 @@ sum = "contact_force"
     )
 }
 
-/// What is held or driven and pressed is no plane of symmetry: a punch presses alike however its motion is written, and a bearing that
-/// is held along its normal alone as one that is held wholly.
+/// A face that is pressed is no plane of symmetry, even if it is held or driven. A punch exerts the same force however
+/// its motion is written, and a bearing that is held along its normal alone the same as one that is held in all
+/// directions.
 #[test]
 fn punches_and_bearings_press_with_their_whole_area() {
     const DOWN: &str = "motion = { kind = \"translate\", velocity = [0.0, 0.0, -0.001] }";

@@ -266,7 +266,7 @@ motion = { kind = "translate", velocity = [0.01, 0, 0] }
     let energy = &program.report()["energy"];
     let of = |name: &str| energy[name].as_f64().unwrap_or_else(|| panic!("{name}: {energy}"));
     let friction = of("friction_work");
-    // The block slides with the friction of its weight, but for the begin.
+    // The block slides with the friction of its weight, except at the beginning.
     let expected = 0.4 * 0.5 * 9.81 * 0.01;
     assert!((-friction / expected - 1.0).abs() < 0.05, "{energy}, expected {expected}");
     assert!((-of("prescribed_work") / friction - 1.0).abs() < 0.05, "{energy}");
@@ -274,8 +274,9 @@ motion = { kind = "translate", velocity = [0.01, 0, 0] }
     assert!(of("scheme_error").abs() < 0.05 * expected, "{energy}");
 }
 
-/// A ball that is pressed into a block by fifty times the distance of the layer, in one load step and in forty. The tangent tells how the
-/// block gives way before the ball, so that increments are not as small as the layer.
+/// A ball that is pressed into a block by fifty times the distance of the layer, in one load step and in forty. The
+/// tangent predicts the deformation of the block under the motion of the ball, so increments need not be as small as
+/// the layer.
 #[test]
 fn a_prescribed_motion_needs_no_increments_of_the_layer() {
     let press = |step: f64, friction: f64| {

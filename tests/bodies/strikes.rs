@@ -140,7 +140,7 @@ fn the_momentum_is_the_impulse_with_every_mass() {
             let mut simulation = Simulation::new(scene).unwrap();
             let (seen, what) = (simulation.observe(), format!("{mass} {a} {held} {on:?}"));
             assert_near(seen.momentum, IMPULSE, &what);
-            // A filtered mass of few elements is told, and no strike is.
+            // A note on the filtered mass of few elements is expected, but none on a strike.
             let is_of_strike = |note: &String| note.contains("strike");
             assert!(!simulation.notes().iter().any(is_of_strike), "{what}: {:?}", simulation.notes());
             if on == Selection::region("box") {

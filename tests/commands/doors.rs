@@ -1,4 +1,4 @@
-//! How other programs meet the command line: editors, shells, programs that start it, viewers.
+//! Tests the interfaces of the command line to other programs: editors, shells, programs that start it, viewers.
 
 use std::path::Path;
 use std::process::Output;

@@ -9,8 +9,8 @@ use variational::run::report::Outcome;
 use variational::run::resume;
 use variational::scene::Scene;
 
-/// Runs a scene to its end, then again with interruptions at later and later times, and compares the files. Nothing but an
-/// abandoned step ends a run here.
+/// Runs a scene to its end, then again with interruptions at later and later times, and compares the files. Every run
+/// here either completes or ends by an abandoned step.
 fn leaves_no_trace(text: &str, what: &str) {
     let parsed = Scene::parse(text, &[]);
     assert!(parsed.problems.is_empty(), "{what}: {:?}", parsed.problems);

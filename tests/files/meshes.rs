@@ -223,7 +223,8 @@ fn nodes_are_named_and_written_as_the_file_has_them() {
     }
 }
 
-/// A body so far from the origin that numbers there are too coarse for its elements is told; elsewhere nothing is.
+/// A note reports a body so far from the origin that the spacing of numbers there is too coarse for its elements.
+/// Nearer bodies give no note.
 #[test]
 fn coordinates_too_coarse_for_the_elements_are_told() {
     for (place, is_told) in [(0.0, false), (1e6, false), (1e9, true), (1e12, true)] {

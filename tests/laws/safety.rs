@@ -157,7 +157,7 @@ fn energy_from_nowhere_never_passes_in_silence() {
     }
 }
 
-/// The note on a guard that acted more than once tells the last time: growth, time and action of one event.
+/// The note on a guard that acted more than once reports the last event: its growth, time and action.
 #[test]
 fn the_note_on_the_guard_tells_one_event() {
     let scene =
@@ -214,8 +214,8 @@ history = 5
     }
 }
 
-/// Linearised once per step, wind gives no more energy than it does to a converged step: it blows against a cloth at a speed that moves it
-/// by cells in a step.
+/// Wind that is linearised once per step gives no more energy than it does to a converged step. It blows against a
+/// cloth so fast that the cloth moves by several cells per step.
 #[test]
 fn truncated_steps_are_stable_in_wind() {
     let run = |scheme: &str| {

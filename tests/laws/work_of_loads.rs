@@ -5,7 +5,7 @@ use crate::program::Program;
 
 /// The support of loads that need one.
 const FIXED: &str = "[[fix]]\nbody = \"b\"\nregion = \"x-min\"\n";
-/// The loads by name: what stands before the body, and after it.
+/// The loads by name, each with its text of the scene before the table of the body, and after it.
 const LOADS: [(&str, &str, &str); 6] = [
     ("gravity", "gravity = [0.0, -9.81, 0.0]\ngravity_amplitude = \"cos(15*t)\"\n", FIXED),
     (

@@ -246,7 +246,7 @@ fn a_refusal_names_schemes_that_accept_the_system() {
                 let named = all().find(|method| method.name() == name).unwrap();
                 assert!(named.check(&system).is_ok() && named.facts().accepts.contact, "{schemes}");
             }
-            // None that conserves momenta is left out.
+            // The list contains every scheme that conserves momenta and accepts the system.
             for other in
                 all().filter(|other| other.facts().conserves.angular_momentum && other.check(&system).is_ok())
             {
