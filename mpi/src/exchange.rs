@@ -86,8 +86,8 @@ impl Exchange for Mpi {
     }
 }
 
-/// Waits for requests. MPI waits with full use of a core; this leaves it to others after a while, so that a rank that
-/// writes files, or a machine with more ranks than cores, is not slowed down.
+/// Waits for requests. MPI keeps a core busy while it waits. This function yields the core after a while, so that it
+/// does not slow down a rank that writes files, or a machine with more ranks than cores.
 fn wait<'a, D: ?Sized, S: Scope<'a>>(mut requests: Vec<Request<'a, D, S>>) {
     /// Time after which other processes may run, and after which this one sleeps between tries.
     const PATIENCE: [Duration; 2] = [Duration::from_micros(50), Duration::from_millis(5)];
