@@ -142,8 +142,8 @@ macro_rules! schemes {
                     ..COMPARISON
                 }
             }
-            /// Implicit Euler with a fixed number of linear solves per step, for looks: order 1, loses energy, and does not
-            /// converge if the solves are too few.
+            /// Implicit Euler with a fixed number of linear solves per step, for animation: order 1, loses energy, and
+            /// does not converge if the solves are too few.
             TruncatedEuler {
                 /// Linear solves per step.
                 solves: u32 = 8,
@@ -154,7 +154,7 @@ macro_rules! schemes {
                     order: 1,
                     conserves: Conserves { linear_momentum: false, ..COMPARISON.conserves },
                     accepts: Accepts { dissipative_terms: false, contact: false, ..EVERYTHING },
-                    use_when: "looks, at a fixed price",
+                    use_when: "animation, at a fixed cost",
                     ..COMPARISON
                 }
             }
