@@ -14,7 +14,7 @@ use crate::callables::{CallableMotion, Raised};
 use crate::errors;
 use crate::mesh::Mesh;
 
-/// Stands in a text for a mesh from arrays.
+/// Placeholder in the text of a scene for a mesh from arrays.
 const ARRAYS: &str = "(arrays)";
 
 /// A scene whose text has no problems.

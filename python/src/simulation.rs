@@ -139,7 +139,8 @@ impl Open {
                     None => simulation.advance(left),
                 };
                 match before {
-                    // A step with an exception is undone. Its snapshot fits.
+                    // A step with an exception is undone. The snapshot belongs to this simulation, so restoring it does
+                    // not fail.
                     Some(before) if raised.is_set() => drop(simulation.restore(&before)),
                     _ => match made {
                         Ok(made) => *ledger += made.energy,
@@ -214,7 +215,7 @@ impl Simulation {
         })
     }
 
-    /// Makes `count` steps; returns notes on them. Signals are heard between steps.
+    /// Makes `count` steps; returns notes on them. Signals take effect between steps.
     fn step(&self, py: Python<'_>, count: u64) -> PyResult<Vec<String>> {
         // The lock is kept between groups of steps, so that no other thread comes between them.
         let open = &mut *self.claim(py)?;

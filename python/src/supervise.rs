@@ -1,4 +1,4 @@
-//! Long work on threads of its own, while the calling thread hears signals and messages.
+//! Runs long work on threads of its own, while the calling thread receives signals and messages.
 //!
 //! Python runs its signal handlers on the main thread only, so that the caller must return to Python regularly.
 
@@ -20,7 +20,7 @@ use crate::callables::{Raised, lock};
 use crate::errors;
 use crate::threads::Threads;
 
-/// Longest time between two looks at signals: Ctrl-C is heard after this time at most.
+/// Longest time between two looks at signals: Longest time after which Ctrl-C takes effect.
 pub(crate) const QUANTUM: Duration = Duration::from_millis(50);
 
 /// A message from the work to the caller.

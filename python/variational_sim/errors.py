@@ -64,7 +64,7 @@ class StepError(Error, ArithmeticError):
         self.term = term
         """The term that left its domain."""
         self.element = element
-        """Its element, in the numbering of the mesh."""
+        """The element at which the term left its domain, in the numbering of the mesh."""
         self.quantity = quantity
         """The quantity, such as `det F`."""
 

@@ -1,4 +1,4 @@
-"""What a simulation shows at one time."""
+"""Observations of a simulation at one time: energies, momenta, probes, rigid bodies, contact."""
 
 from __future__ import annotations
 

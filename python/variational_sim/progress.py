@@ -1,4 +1,4 @@
-"""What a run says while it works: notes to `logging`, progress to a bar or to a callable."""
+"""Messages of a run in progress: notes to `logging`, progress to a bar or to a callable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Progress = Callable[[float, float, float], object]
 
 
 class Listener:
-    """Hears the messages of a run. Notes go to the logger `variational`, findings as warnings."""
+    """Receives the messages of a run. Notes go to the logger `variational`, findings as warnings."""
 
     def __init__(self, progress: Progress | None, quiet: bool) -> None:
         self._progress = progress
@@ -42,7 +42,7 @@ class Listener:
         log.log(logging.WARNING if kind == "finding" else logging.INFO, "%s", content)
 
     def _show(self, t: float, end: float) -> None:
-        """Shows a bar of tqdm, if tqdm is there and somebody looks."""
+        """Shows a bar of tqdm, if tqdm is installed and the output is a terminal or a notebook."""
         if self._bar is None:
             is_watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
             try:

@@ -102,7 +102,7 @@ class Simulation:
         return self._core.clock()[5]
 
     def step(self, count: int = 1) -> None:
-        """Makes steps. Ctrl-C is heard between steps, at most 50 ms after a step's end.
+        """Makes steps. Ctrl-C takes effect between steps, at most 50 ms after a step's end.
 
         Raises StepError if a step fails; the state is then that before the step. Raises ValueError if fewer than
         `count` steps are left to the end of the scene.
