@@ -54,7 +54,10 @@ pub(super) fn notes(body: &Body, damping: Option<&Damping>) -> Vec<String> {
     }
     let is_viscous = |d: &Damping| [d.shear_viscosity, d.bulk_viscosity, d.stiffness_time] != [0.0; 3];
     if damping.is_some_and(is_viscous) {
-        notes.push(format!("{}: viscosity is of solids; only `mass_rate` damps a sheet", body.name));
+        notes.push(format!(
+            "{}: viscosity applies to solids only; a sheet is damped by `mass_rate` alone",
+            body.name
+        ));
     }
     notes
 }

@@ -120,7 +120,7 @@ pub(super) fn along_curves(
     };
     if is_closed != other_closed {
         return Err(format!(
-            "of the curves '{}' and '{}' one is closed and the other has ends",
+            "of the curves '{}' and '{}' one is closed and the other has ends: sew two closed curves, or two with ends",
             regions[0], regions[1]
         ));
     }

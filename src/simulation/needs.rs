@@ -51,7 +51,7 @@ pub(super) fn problem_of_push(scene: &Scene, system: &System) -> Option<Problem>
     scene.statics.as_ref()?.push?;
     let name = circulatory(system)?;
     let message = format!(
-        "'{name}' has no potential, so that a symmetric stiffness does not tell where a path becomes unstable: leave out `push`, \
+        "'{name}' has no potential, so that a symmetric stiffness does not determine where a path becomes unstable: leave out `push`, \
          or follow the motion by a scheme in [time]"
     );
     Some(Problem::new("static.push", message))

@@ -29,7 +29,10 @@ pub enum SolverError {
     #[error("solve before the first factorisation: factorise a matrix first")]
     NotFactored,
     /// A tangent that is not symmetric has no factors.
-    #[error("the tangent of {rows} equations and constraints is singular or not finite")]
+    #[error(
+        "the tangent of {rows} equations and constraints is singular or not finite: use a smaller step, or remove constraints \
+         that depend on each other"
+    )]
     Singular {
         /// Number of equations and constraints.
         rows: usize,
@@ -101,7 +104,9 @@ pub enum SolverError {
         nodes: [u32; 4],
     },
     /// A number is not finite although no term reports a fault: the step is far too large.
-    #[error("{what} is not finite (at coordinate {dof})")]
+    #[error(
+        "{what} is not finite (at coordinate {dof}): use a smaller step, or correct the initial state and the loads"
+    )]
     NotFinite {
         /// The array that holds the number.
         what: &'static str,
@@ -124,7 +129,7 @@ pub enum SolverError {
     /// The nonlinear solve did not converge.
     #[error(
         "no convergence after {iterations} iterations: residual {residual:e} relative in the energy \
-         norm, but {tolerance:e} is required; a smaller step helps"
+         norm, but {tolerance:e} is required; use a smaller step"
     )]
     NoConvergence {
         /// Number of Newton iterations made.
@@ -363,7 +368,10 @@ pub enum SolverError {
         defect: f64,
     },
     /// The memory of a stepper does not fit the stepper that should continue from it.
-    #[error("cannot continue: the memory of the stepper has no fitting '{missing}'")]
+    #[error(
+        "cannot continue: the memory of the stepper has no entry '{missing}' of the right size; continue with the scheme and \
+         the system that wrote it"
+    )]
     Memory {
         /// The entry that is missing or has the wrong size.
         missing: &'static str,

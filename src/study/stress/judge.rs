@@ -315,7 +315,7 @@ fn energy(
         let scale = rows.iter().flat_map(|row| &row[1..5]).fold(0.0_f64, |scale, part| scale.max(part.abs()));
         let noise = 1e-10 * scale + 2.0 * report["guard"]["resolution"].as_f64().unwrap_or(0.0);
         if growth > SILENT * given + noise {
-            return Err(format!("energy grew by {growth:e} J of {given:e} J in silence"));
+            return Err(format!("energy grew by {growth:e} J of {given:e} J without a warning"));
         }
         // The work of the residuals is at most η√E times the size of the step in the energy norm. Kinetic and strain
         // energy count up to eight times each in this norm, and E is at most nine times the given energy.

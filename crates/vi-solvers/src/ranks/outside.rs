@@ -97,7 +97,7 @@ impl Outside {
     /// Returns the reasons for which it failed since the last call, in words.
     pub(super) fn take_findings(&mut self) -> Vec<String> {
         let found = self.failures[self.told..].iter().map(|reason| {
-            format!("a linear system was solved by \"pcg\", because \"petsc\" stopped with {reason}; this is told once")
+            format!("a linear system was solved by \"pcg\", because \"petsc\" stopped with {reason}; this note appears once")
         });
         let found = found.collect();
         self.told = self.failures.len();
