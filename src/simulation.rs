@@ -39,7 +39,7 @@ use crate::model::{
 };
 use crate::scene::{Fix, Problem, Scene};
 pub use adaptive::AdaptiveCounts;
-use adaptive::{Adaptive, Asked};
+use adaptive::{Adaptive, StepDemand};
 pub use added::AddedTerm;
 pub use advance::Stepped;
 pub(crate) use advance::TOGETHER;
@@ -73,7 +73,7 @@ pub struct Component {
     has_domain: bool,
     contact: Option<ContactWatch>,
     /// The frequencies of the motion that adaptive steps follow; created at first use.
-    asked: Option<Asked>,
+    demand: Option<StepDemand>,
     /// The functions of time that adaptive steps follow; none with other steps.
     driven: Driven,
     /// Whether the ranks have made their portions from parts of the bodies.
@@ -254,7 +254,7 @@ impl Simulation {
                 keeps_ledger,
                 has_domain,
                 contact: contact.map(ContactWatch::new),
-                asked: None,
+                demand: None,
                 driven: Driven::default(),
                 is_of_parts,
             });
@@ -305,11 +305,11 @@ impl Simulation {
             parted: model.parted,
             ranks: None,
         };
-        simulation.tell_of_contact();
-        simulation.tell_of_passing();
-        simulation.tell_of_inertia();
-        simulation.tell_of_circulation();
-        simulation.tell_of_idle();
+        simulation.note_contact();
+        simulation.note_passing();
+        simulation.note_inertia();
+        simulation.note_circulation();
+        simulation.note_idle();
         let problems = simulation.crossing_start();
         if problems.is_empty() { Ok(simulation) } else { Err(problems) }
     }

@@ -7,7 +7,7 @@ use crate::scene::{Body, Problem, Refine, RefineAlong};
 /// Bytes per node of each element: its number in the mesh, the element's shape at rest, forces, and the maps for
 /// summing them. A run of a million linear tetrahedra takes 354 bytes per tetrahedron at its peak
 /// (`docs/performance.md`); implicit steps and sheets take more.
-const BYTES_A_NODE_OF_AN_ELEMENT: f64 = 80.0;
+const BYTES_PER_NODE_OF_ELEMENT: f64 = 80.0;
 /// Elements and nodes are numbered in 32 bits.
 const MOST_ELEMENTS: f64 = u32::MAX as f64;
 
@@ -51,7 +51,7 @@ impl Budget {
         let (mut elements, mut bytes) = (0.0, 0.0);
         for (kind, count) in counts {
             elements += count * refined;
-            bytes += count * refined * nodes(kind, body.order) as f64 * BYTES_A_NODE_OF_AN_ELEMENT;
+            bytes += count * refined * nodes(kind, body.order) as f64 * BYTES_PER_NODE_OF_ELEMENT;
         }
         self.left -= bytes;
         if self.left >= 0.0 && elements <= MOST_ELEMENTS {
@@ -99,12 +99,12 @@ fn gigabytes(bytes: f64) -> String {
 /// systems.
 fn available() -> f64 {
     let read = |path: &str| std::fs::read_to_string(path).ok();
-    let told = read("/proc/meminfo").and_then(|text| {
+    let available_kb = read("/proc/meminfo").and_then(|text| {
         let line = text.lines().find(|line| line.starts_with("MemAvailable:"))?;
         line.split_whitespace().nth(1)?.parse::<f64>().ok()
     });
     let limit = read("/sys/fs/cgroup/memory.max").and_then(|text| text.trim().parse().ok());
-    told.map_or(f64::INFINITY, |kilobytes| 1024.0 * kilobytes).min(limit.unwrap_or(f64::INFINITY))
+    available_kb.map_or(f64::INFINITY, |kilobytes| 1024.0 * kilobytes).min(limit.unwrap_or(f64::INFINITY))
 }
 
 #[cfg(test)]
@@ -135,7 +135,7 @@ mod tests {
             let body = body(shape);
             let mut budget = Budget::new(1e12);
             budget.take(&body, 0, &[]).unwrap();
-            let counted = (budget.available - budget.left) / BYTES_A_NODE_OF_AN_ELEMENT;
+            let counted = (budget.available - budget.left) / BYTES_PER_NODE_OF_ELEMENT;
             let scene = Scene::new(Time::new(1.0, 1.0, SchemeName::ImplicitMidpoint)).body(body);
             let simulation = Simulation::new(scene).unwrap();
             let mesh = &simulation.bodies()[0].mesh;

@@ -20,7 +20,7 @@ pub(super) struct Run {
     pub(super) store: Option<(Store, Origin)>,
     /// Findings of the steps so far, e.g. limit points.
     pub(super) findings: Vec<String>,
-    /// The newest row of history.csv and its step, until the watch has been told.
+    /// The newest row of history.csv with its step, until it is passed to the watch.
     pub(super) row: Option<(u64, Observation)>,
     pub(super) report: Report,
     pub(super) stability: Result<Option<StabilityNote>, SolverError>,

@@ -199,7 +199,7 @@ impl Run {
         let mut failure = None;
         let mut interrupted = false;
         let mut said = self.findings.len();
-        let mut frames = self.tell(0, watch);
+        let mut frames = self.show_progress(0, watch);
         while !self.simulation.is_done() && !interrupted {
             match self.advance() {
                 Ok(()) => {}
@@ -215,7 +215,7 @@ impl Run {
             }
             self.findings[said..].iter().for_each(|finding| watch.finding(finding));
             said = self.findings.len();
-            frames = self.tell(frames, watch);
+            frames = self.show_progress(frames, watch);
             let go_on = watch.step(&self.simulation);
             interrupted = !go_on && !self.simulation.is_done();
         }
@@ -229,7 +229,7 @@ impl Run {
         watch.end(&self.simulation);
         if failure.is_some() || interrupted {
             self.leave()?;
-            self.tell(frames, watch);
+            self.show_progress(frames, watch);
         }
         let outcome = match &failure {
             Some(error) => Outcome::Failed(error.to_string()),
@@ -243,20 +243,21 @@ impl Run {
         }
     }
 
-    /// Writes a row of history.csv with what is seen at the current step.
+    /// Writes the observation of the current step as a row of history.csv.
     fn write_row(&mut self, seen: Observation) -> Result<(), RunError> {
         self.observers.see_row(&self.simulation, &seen)?;
         self.row = Some((self.simulation.steps(), seen));
         Ok(())
     }
 
-    /// Tells the watch the newest row and the frames after the first `told`; returns the number of frames.
-    fn tell(&mut self, told: usize, watch: &mut dyn Watch) -> usize {
+    /// Passes the newest row, and the frames after the first `shown`, to the watch. Returns the number of frames so
+    /// far.
+    fn show_progress(&mut self, shown: usize, watch: &mut dyn Watch) -> usize {
         if let Some((step, seen)) = self.row.take() {
             watch.row(step, &seen);
         }
         let frames = self.observers.frames.as_ref().map_or(&[][..], FrameWriter::frames);
-        for (t, file) in frames.iter().skip(told) {
+        for (t, file) in frames.iter().skip(shown) {
             watch.frame(*t, &self.directory.join(file));
         }
         frames.len()

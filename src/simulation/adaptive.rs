@@ -68,13 +68,13 @@ impl AdaptiveCounts {
 
 /// Evaluates the density of steps that the states of a component, and the functions of time that act on it, require.
 /// Keeps the last result, because the end of an interval is the start of the next one.
-pub(super) struct Asked {
+pub(super) struct StepDemand {
     driven: Driven,
     frequencies: Frequencies,
     last: Option<(State, f64)>,
 }
 
-impl Asked {
+impl StepDemand {
     pub(super) fn new(system: &System, driven: &Driven) -> Self {
         Self { driven: driven.clone(), frequencies: Frequencies::new(system), last: None }
     }
@@ -121,31 +121,31 @@ impl Adaptive {
     }
 
     /// Returns the density of steps that a state asks for, 1/s.
-    fn density(&self, asked: &mut Asked, system: &System, state: &State) -> Result<f64, SolverError> {
-        if let Some((known, density)) = &asked.last
+    fn density(&self, demand: &mut StepDemand, system: &System, state: &State) -> Result<f64, SolverError> {
+        if let Some((known, density)) = &demand.last
             && known == state
         {
             return Ok(*density);
         }
-        let motion = asked.frequencies.of_motion(system, state)?;
-        let motion = motion.max(asked.frequencies.of_drag(system, state)?);
+        let motion = demand.frequencies.of_motion(system, state)?;
+        let motion = motion.max(demand.frequencies.of_drag(system, state)?);
         let stability = match self.stability() {
             Some(limit) => {
-                let omega = asked.frequencies.highest(system, state)?;
-                let rate = asked.frequencies.damping_rate(system, state, omega)?;
+                let omega = demand.frequencies.highest(system, state)?;
+                let rate = demand.frequencies.damping_rate(system, state, omega)?;
                 self.method.limiting_frequency(omega, rate) / limit
             }
             None => 0.0,
         };
         let density = (motion / self.accuracy).max(stability);
-        asked.last = Some((state.clone(), density));
+        demand.last = Some((state.clone(), density));
         Ok(density)
     }
 
     /// Returns the density of steps that the functions of time ask for between two times (s), 1/s. At their kinks no scheme has an order
     /// above 2.
-    fn density_of_driven(&self, asked: &Asked, from: f64, to: f64) -> f64 {
-        let rates = asked.driven.rates(from, to);
+    fn density_of_driven(&self, demand: &StepDemand, from: f64, to: f64) -> f64 {
+        let rates = demand.driven.rates(from, to);
         (rates.smooth / self.accuracy).max(rates.kinked / self.accuracy_at_kinks)
     }
 
@@ -157,7 +157,7 @@ impl Adaptive {
     pub(super) fn advance(
         &self,
         course: Course<'_>,
-        asked: &mut Asked,
+        demand: &mut StepDemand,
         (h, end): (f64, f64),
         cut: Cut<'_>,
         mut check: Option<Check<'_>>,
@@ -168,8 +168,8 @@ impl Adaptive {
         let start = state.t;
         let failed =
             |cause| Failure { error: StepError { t: start, h, cause }, from: Box::new(before.0.clone()) };
-        let at_start = self.density(asked, system, state).map_err(failed)?;
-        let driven = self.density_of_driven(asked, end - h, end);
+        let at_start = self.density(demand, system, state).map_err(failed)?;
+        let driven = self.density_of_driven(demand, end - h, end);
         let mut number = level(h * at_start.max(driven));
         let has_bodies = !system.constraints().is_empty();
         // Intervals of rigid bodies are made again instead of being divided.
@@ -198,11 +198,11 @@ impl Adaptive {
                 done.add(march(course, h / made as f64, to, part, check)?);
                 let is_asked = k.is_multiple_of(stride) || (made - k).is_multiple_of(stride);
                 if has_bodies && k < made && is_asked {
-                    inside = inside.max(self.density(asked, system, state).map_err(failed)?);
+                    inside = inside.max(self.density(demand, system, state).map_err(failed)?);
                 }
                 Ok(())
             });
-            let at_end = outcome.and_then(|()| self.density(asked, system, state).map_err(failed));
+            let at_end = outcome.and_then(|()| self.density(demand, system, state).map_err(failed));
             let at_end = match at_end {
                 Ok(at_end) => at_end,
                 Err(failure) => {

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use vi_core::{State, StepEnergy, System};
 use vi_solvers::{Assembler, HeldWork, Interrupt, SolverError, StepError};
 
-use super::adaptive::{AdaptiveCounts, Asked};
+use super::adaptive::{AdaptiveCounts, StepDemand};
 use super::march::{self, Course, Cut, Failure, March, march};
 use super::pace::{FLOOR, Pace};
 use super::{Component, ContactFacts, Simulation};
@@ -47,8 +47,9 @@ impl Simulation {
         let cut = Cut { parts: self.parts, further, interrupt };
         let adaptive = self.adaptive;
         let advance = |component: &mut Component| -> Result<(March, AdaptiveCounts), Failure> {
-            let Component { system, state, stepper, held, pace, observer, has_domain, asked, driven, .. } =
-                component;
+            let Component {
+                system, state, stepper, held, pace, observer, has_domain, demand, driven, ..
+            } = component;
             let Some(stepper) = stepper else {
                 let energy = hold(held, system, state, end);
                 return Ok((March { energy, ..March::default() }, AdaptiveCounts::default()));
@@ -63,8 +64,8 @@ impl Simulation {
             let course = Course { stepper: stepper.as_mut(), system, state, pace };
             match &adaptive {
                 Some(rule) => {
-                    let asked = asked.get_or_insert_with(|| Asked::new(system, driven));
-                    rule.advance(course, asked, (h, end), cut, check)
+                    let demand = demand.get_or_insert_with(|| StepDemand::new(system, driven));
+                    rule.advance(course, demand, (h, end), cut, check)
                 }
                 None => Ok((march(course, h, end, cut, check)?, AdaptiveCounts::default())),
             }

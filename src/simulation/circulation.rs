@@ -7,7 +7,7 @@ use super::Simulation;
 
 impl Simulation {
     /// Adds a note on the first load without a potential in statics.
-    pub(super) fn tell_of_circulation(&mut self) {
+    pub(super) fn note_circulation(&mut self) {
         if self.scene.statics.is_none() {
             return;
         }

@@ -29,7 +29,7 @@ impl Simulation {
     }
 
     /// Adds notes on joined bodies that cross, on bodies that were moved before the start, and on contact without effect.
-    pub(super) fn tell_of_contact(&mut self) {
+    pub(super) fn note_contact(&mut self) {
         let name = |number: usize| model::name_of(&self.scene, number);
         let overlaps = self.meeting.overlapping().map(|(a, b)| {
             format!("'{}' and '{}' are joined and cross where they start: they do not meet", name(a), name(b))

@@ -8,8 +8,8 @@
 //! ν² = V/S,   S = max(∫|f − f̄| dt over the interval, its length × the mean of |f − f̄| over the run).
 //! ```
 //! For a sine of frequency ν this is ν, in every interval, and for a ramp zero. The second bound keeps functions that begin
-//! slowly from asking for many steps, and still resolves a pulse that is short compared with the interval. Kinks are told from smooth
-//! changes, because no scheme has an order above 2 there.
+//! slowly from asking for many steps, and still resolves a pulse that is short compared with the interval. Kinks are
+//! distinguished from smooth changes, because no scheme has an order above 2 there.
 
 use crate::scene::{FunctionOfTime, Scene, integral};
 

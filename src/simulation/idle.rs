@@ -11,7 +11,7 @@ use crate::scene::Load;
 impl Simulation {
     /// Adds notes on points far from the bodies on which they name a node, on loads that act on held nodes alone, and on damping that
     /// does not act on rigid bodies.
-    pub(super) fn tell_of_idle(&mut self) {
+    pub(super) fn note_idle(&mut self) {
         let mut notes = self.far_points();
         notes.extend(self.held_loads());
         let damping = self.scene.damping.as_ref().is_some_and(|damping| damping.mass_rate != 0.0);

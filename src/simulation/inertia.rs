@@ -11,7 +11,7 @@ const NOTED: f64 = 0.03;
 
 impl Simulation {
     /// Adds a note for each free component with a filtered mass that changes a moment of inertia.
-    pub(super) fn tell_of_inertia(&mut self) {
+    pub(super) fn note_inertia(&mut self) {
         let changes = self.components.iter().enumerate();
         let changes = changes.filter_map(|(number, component)| Some((number, change_of_inertia(component)?)));
         let notes: Vec<String> = changes

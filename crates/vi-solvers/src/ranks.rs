@@ -13,5 +13,5 @@ pub(crate) mod layout;
 pub(crate) mod member;
 mod outside;
 pub(crate) mod partners;
+mod portion_data;
 mod rows;
-mod taken;

@@ -49,7 +49,7 @@ pub(crate) struct Solved {
 
 /// Prepares solves with the tangent, or a positive definite substitute for it; returns whether the tangent was found to be
 /// positive definite.
-pub(super) fn factorize_somehow(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
+pub(super) fn factorize_definite(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         return Ok(true);
     }
@@ -120,7 +120,7 @@ pub(crate) fn solve(
         if r.iter().all(|&r| r == 0.0) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
-        stayed_definite &= factorize_somehow(balance, q, t)?;
+        stayed_definite &= factorize_definite(balance, q, t)?;
         if balance.is_round_off(&r) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }

@@ -3,7 +3,7 @@
 //! decrease could guide a line search. `soft_bristles` finds which pairs stick and which slide.
 
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::newton::{self, Solved, Stop, factorize_somehow};
+use crate::equilibrium::newton::{self, Solved, Stop, factorize_definite};
 use crate::equilibrium::tangent_solver::Demand;
 use crate::error::SolverError;
 use crate::linear::perturbed::{self, Perturbed};
@@ -133,7 +133,7 @@ impl Frictional for Rubbing<'_, '_> {
         let mut eta = f64::INFINITY;
         self.balance.residual(&self.q, t, &mut r)?;
         for _ in 0..aim.most {
-            let is_definite = factorize_somehow(self.balance, &self.q, t)?;
+            let is_definite = factorize_definite(self.balance, &self.q, t)?;
             let is_at_resolution = self.balance.is_round_off(&r);
             let (mut delta, energy, size) = self.correct(&r)?;
             self.done += 1;

@@ -14,8 +14,8 @@ use crate::options::SolverOptions;
 use crate::ranks::command::Command;
 use crate::ranks::lanczos::Lanczos;
 use crate::ranks::layout::Layout;
+use crate::ranks::portion_data::{Places, PortionData};
 use crate::ranks::rows::Rows;
-use crate::ranks::taken::{Places, Taken};
 use crate::schemes::kick_drift::KickDrift;
 use crate::schemes::method::Method;
 use crate::work::Work;
@@ -84,10 +84,10 @@ impl Member {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<(Self, Layout), SolverError> {
-        let taken = Taken::new(whole, start, (method, options), &exchange, None)?;
+        let data = PortionData::new(whole, start, (method, options), &exchange, None)?;
         let solved = if method.facts().is_explicit { None } else { Rows::new(whole, options, &exchange)? };
         let (rows, rows_of_all) = solved.map_or((None, Vec::new()), |(rows, of_all)| (Some(rows), of_all));
-        let (member, Places { nodes, reported, runs }) = Self::of_taken(taken, method, rows, exchange);
+        let (member, Places { nodes, reported, runs }) = Self::of_data(data, method, rows, exchange);
         let layout = Layout::new(whole, (nodes, reported), runs, rows_of_all, member.makes_steps());
         Ok((member, layout))
     }
@@ -105,20 +105,20 @@ impl Member {
         (method, options): (&Method, &SolverOptions),
         exchange: Arc<dyn Exchange>,
     ) -> Result<Self, SolverError> {
-        let taken = Taken::new(&part, &start, (method, options), &exchange, Some(runs))?;
+        let data = PortionData::new(&part, &start, (method, options), &exchange, Some(runs))?;
         drop((part, start));
-        Ok(Self::of_taken(taken, method, None, exchange).0)
+        Ok(Self::of_data(data, method, None, exchange).0)
     }
 
-    /// Makes the portion from the data that [`Taken`] holds.
-    fn of_taken(
-        taken: Taken,
+    /// Makes the portion from the data that [`PortionData`] holds.
+    fn of_data(
+        data: PortionData,
         method: &Method,
         rows: Option<Rows>,
         exchange: Arc<dyn Exchange>,
     ) -> (Self, Places) {
-        let Taken { system, gather, splitting, depends, spans, places, is_complete, block, t, of_all } =
-            taken;
+        let PortionData { system, gather, splitting, depends, spans, places, is_complete, block, t, of_all } =
+            data;
         let reported = of_all.reported[exchange.rank()].clone();
         let (mut zeros, mut reported_free) = (Vec::new(), Vec::new());
         let task = match splitting {

@@ -15,8 +15,8 @@ use crate::options::SolverOptions;
 use crate::schemes::kick_drift::splitting::Splitting;
 use crate::schemes::method::Method;
 
-/// The portion of a system that a rank takes, with what it needs to sum the terms or to make steps.
-pub(crate) struct Taken {
+/// The portion of a system for one rank, with the data to sum its terms or to make steps.
+pub(crate) struct PortionData {
     /// The portion as a system.
     pub(crate) system: System,
     /// The sum of its terms.
@@ -60,7 +60,7 @@ fn steps_apart(system: &System, method: &Method, keeps_ledger: bool) -> bool {
         && system.coordinates().is_plain()
 }
 
-impl Taken {
+impl PortionData {
     /// Takes the portion of the rank of `exchange` from a system, with `start`, any state inside the domain of its terms. If it is a part,
     /// `part_runs` are the numbers of the runs of every term in the whole system, and their ranks.
     ///
