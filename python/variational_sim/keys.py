@@ -45,13 +45,13 @@ class Motion1(TypedDict, total=False):
     point: Numbers
     """A point on the axis, m; default the origin."""
     rate: float
-    """Rate, rad/s."""
+    """Angular velocity, rad/s."""
     start: float
     """Time when the motion starts, s; default 0."""
 
 class Motion2(TypedDict, total=False):
     amplitude: Numbers
-    """Amplitude, m."""
+    """Amplitude along x, y and z, m."""
     end: Union[float, None]
     """Time when the motion stops, s; default never."""
     frequency: float

@@ -19,7 +19,7 @@ pub enum Precision {
 pub struct VtuFrame<'a> {
     /// Coordinates in metres.
     pub points: &'a [[f64; 3]],
-    /// The cells.
+    /// Blocks of cells that are held in memory.
     pub blocks: &'a [CellBlock],
     /// Cells that are not held in memory; they follow those of `blocks`.
     pub far: &'a [FarBlock],

@@ -48,12 +48,12 @@ pub trait FarElements: Debug + Send + Sync {
 /// A mesh without its elements, and the elements.
 pub type FarMesh = (Mesh, Arc<dyn FarElements>);
 
-/// The elements of a large mesh among those of other meshes.
+/// A block of elements that are not held in memory, in a frame that also has the elements of other meshes.
 #[derive(Debug, Clone)]
 pub struct FarBlock {
     /// The elements.
     pub elements: Arc<dyn FarElements>,
-    /// The number of the first node of their mesh.
+    /// The number in the frame of the first node of the mesh of these elements.
     pub first_node: u32,
 }
 

@@ -6,7 +6,7 @@ use crate::mesh::Mesh;
 /// numbers.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FinerMesh {
-    /// The mesh.
+    /// The finer mesh.
     pub mesh: Mesh,
     /// For each node: the coarse nodes and their weights, whose sum is 1.
     pub parents: Vec<Vec<(u32, f64)>>,

@@ -13,9 +13,9 @@ pub struct MeshPart {
     /// Nodes and elements in their order in the whole mesh. It has all regions of the whole mesh, with those of their nodes that
     /// are nodes of the runs of the process.
     pub mesh: Mesh,
-    /// The order of its nodes along the curve of the whole mesh.
+    /// The order of the nodes of the part along the curve of the whole mesh.
     pub numbering: Numbering,
-    /// Its elements in the order of the curve: its runs, one after the other.
+    /// The elements of the part in the order of the curve: run after run.
     pub order: Vec<u32>,
     /// Number of elements per run; the last run of the whole mesh may be shorter.
     pub run_length: usize,

@@ -45,8 +45,8 @@ pub struct Rubbing {
     pub is_lawful: bool,
 }
 
-/// A part of the change of a traction: that of pair number `rubbing` of the list changes by `direction` per unit of the right factor
-/// of the tangent with this number.
+/// A part of the derivative of a traction: the traction of pair number `rubbing` of the list changes by `direction` (N)
+/// per unit of the right factor of tangent number `tangent`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Share {
     rubbing: usize,
@@ -67,8 +67,8 @@ pub struct Acting {
     /// The fraction of their stiffness with which bristles of friction resist the slip of this step, in (0, 1]. With soft
     /// bristles, the range of slip in which friction sticks is wide, so Newton's method finds it from afar.
     pub stiffness: f64,
-    /// Whether the tangents shall include those of the directions of forces. They are not positive, so Newton's method needs them
-    /// near a solution and may be led astray by them far from it.
+    /// Whether the tangents include the change of the directions of forces. This part is indefinite: Newton's method
+    /// needs it near a solution, and may diverge because of it far from one.
     pub turns: bool,
     /// A bound on the stiffness of bristles that stick, as a multiple of the force that moves both parts of the pair by a unit slip.
     /// With a finite bound, tractions follow slips gradually, from iteration to iteration.

@@ -2,7 +2,7 @@
 
 use crate::contract::system::{State, System};
 
-/// Kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J; ½ pᵀW p if the mass is filtered.
+/// Returns the kinetic energy T = ½ pᵀM⁻¹p of the free coordinates, J; ½ pᵀW p if the mass is filtered.
 pub fn kinetic_energy(system: &System, state: &State) -> f64 {
     match system.kinetic().is_some() || system.filter().is_some() {
         true => 0.5 * state.p.iter().zip(system.velocity(&state.p)).map(|(p, v)| p * v).sum::<f64>(),
@@ -10,7 +10,7 @@ pub fn kinetic_energy(system: &System, state: &State) -> f64 {
     }
 }
 
-/// Linear momentum P = Σ p of points in space (3 coordinates per node), kg m/s. Directors do not contribute.
+/// Returns the linear momentum P = Σ p of points in space (3 coordinates per node), kg m/s. Directors do not contribute.
 pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
     let mut total = [0.0; 3];
     let coordinates = system.coordinates();
@@ -23,12 +23,13 @@ pub fn linear_momentum(system: &System, state: &State) -> [f64; 3] {
     total
 }
 
-/// Angular momentum L = Σ x × p about the origin for points in space, kg m²/s.
+/// Returns the angular momentum L = Σ x × p about the origin for points in space, kg m²/s.
 pub fn angular_momentum(system: &System, state: &State) -> [f64; 3] {
     angular_momentum_at(system, state, &system.positions(state))
 }
 
-/// Angular momentum L = Σ x × p about the origin for points in space at the known positions x of all coordinates (m), kg m²/s.
+/// Returns the angular momentum L = Σ x × p about the origin for points in space at the known positions x of all
+/// coordinates (m), kg m²/s.
 pub fn angular_momentum_at(system: &System, state: &State, x: &[f64]) -> [f64; 3] {
     let mut total = [0.0; 3];
     each_momentum(system, state, &mut |dof, p| {

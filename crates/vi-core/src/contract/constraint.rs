@@ -137,7 +137,7 @@ impl QuadraticConstraint {
         })
     }
 
-    /// Name of the constraint, for messages.
+    /// Returns the name of the constraint, for messages.
     pub fn name(&self) -> &str {
         &self.name
     }

@@ -300,12 +300,12 @@ impl Coordinates {
         }
     }
 
-    /// Number of coordinates x_i.
+    /// Returns the number of coordinates x_i.
     pub fn dof_count(&self) -> usize {
         self.dof_count
     }
 
-    /// Number of free coordinates q_i.
+    /// Returns the number of free coordinates q_i.
     pub fn free_count(&self) -> usize {
         self.free.len()
     }

@@ -6,11 +6,11 @@
 pub struct Damper {
     /// Number of the pair that it belongs to, as in [`Rubbing::pair`](crate::Rubbing::pair).
     pub pair: u64,
-    /// c, N s/m; never negative.
+    /// Damping coefficient c, N s/m; never negative.
     pub coefficient: f64,
-    /// The nodes n with b_n.
+    /// Pairs (node n, dimensionless vector b_n).
     pub covector: Vec<(u32, [f64; 3])>,
-    /// Both parts, in the numbering of the term.
+    /// The two parts on which the damper acts, in the numbering of the term.
     pub between: [u32; 2],
     /// The sum of b_n over the nodes of the first part.
     pub on_first: [f64; 3],

@@ -86,7 +86,7 @@ pub struct StepOutcome {
 /// The impulse of the second of two parts on the first over a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Impulse {
-    /// Both parts, in the numbering of the term.
+    /// The two parts, in the numbering of the term; the impulse acts on the first.
     pub between: [u32; 2],
     /// The impulse, N s.
     pub value: [f64; 3],

@@ -9,9 +9,9 @@ use crate::contract::potential::{Account, Far, MakeFew, Potential, Stencils, Tra
 pub struct Elsewhere {
     /// The name of the term.
     pub name: String,
-    /// Its account.
+    /// The account in which its energy is booked.
     pub account: Account,
-    /// Its properties.
+    /// The properties of the term.
     pub traits: Traits,
     /// Nodes per stencil, with three coordinates each.
     pub arity: usize,

@@ -91,7 +91,7 @@ pub struct Fault {
     pub element: usize,
     /// The quantity outside its domain, e.g. "det F".
     pub quantity: &'static str,
-    /// Its value.
+    /// The value of this quantity, in SI units.
     pub value: f64,
     /// The domain in words, e.g. "must be positive".
     pub domain: &'static str,

@@ -12,7 +12,7 @@ pub enum Interpolation {
 }
 
 impl Interpolation {
-    /// Degree of the polynomial.
+    /// Returns the degree of the polynomial.
     pub fn degree(self) -> usize {
         let Self::Polynomial(degree) = self;
         degree
@@ -29,27 +29,27 @@ pub struct Scheme {
 }
 
 impl Scheme {
-    /// Linear × left point: kick h, then drift h. Order 1, explicit.
+    /// Returns symplectic Euler A, linear × left point: kick h, then drift h. Order 1, explicit.
     pub fn symplectic_euler_a() -> Self {
         Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::left() }
     }
 
-    /// Linear × right point: drift h, then kick h. Order 1, explicit.
+    /// Returns symplectic Euler B, linear × right point: drift h, then kick h. Order 1, explicit.
     pub fn symplectic_euler_b() -> Self {
         Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::right() }
     }
 
-    /// Linear × trapezoid: kick h/2, drift h, kick h/2. Order 2, explicit.
+    /// Returns the Störmer–Verlet method, linear × trapezoid: kick h/2, drift h, kick h/2. Order 2, explicit.
     pub fn stormer_verlet() -> Self {
         Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::trapezoid() }
     }
 
-    /// Linear × midpoint. Order 2, implicit.
+    /// Returns the implicit midpoint rule, linear × midpoint. Order 2, implicit.
     pub fn implicit_midpoint() -> Self {
         Self { interpolation: Interpolation::Polynomial(1), quadrature: Quadrature::midpoint() }
     }
 
-    /// Degree s × Gauss–Legendre with s points: the Gauss collocation method of order 2s.
+    /// Returns the Gauss collocation method of order 2s: degree s × Gauss–Legendre with s points.
     ///
     /// # Errors
     /// Returns [`CoreError::Points`] for s = 0.

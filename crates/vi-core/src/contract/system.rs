@@ -392,6 +392,6 @@ pub struct State {
     pub t: f64,
     /// Free coordinates, m.
     pub q: Vec<f64>,
-    /// Their momenta ∂L/∂q̇ = M q̇, kg m/s.
+    /// Momenta ∂L/∂q̇ = M q̇ of the free coordinates, kg m/s.
     pub p: Vec<f64>,
 }

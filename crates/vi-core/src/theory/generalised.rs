@@ -10,7 +10,7 @@ use crate::theory::lagrange::lagrangian::{Lagrangian, Scalar};
 
 /// The map x(q, τ(t)), with the mass and the potential of the points.
 pub trait Embedding {
-    /// Number of generalised coordinates n.
+    /// Returns the number n of generalised coordinates.
     fn dof_count(&self) -> usize;
     /// Mass of every coordinate x_i, kg.
     fn mass(&self) -> Vec<f64>;

@@ -57,7 +57,7 @@ pub struct Rotate {
     /// A point on the axis, m; default the origin.
     #[serde(default)]
     pub point: [f64; 3],
-    /// Rate, rad/s.
+    /// Angular velocity, rad/s.
     pub rate: f64,
     /// Time when the motion starts, s; default 0.
     #[serde(default)]
@@ -71,7 +71,7 @@ pub struct Rotate {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sine {
-    /// Amplitude, m.
+    /// Amplitude along x, y and z, m.
     pub amplitude: [f64; 3],
     /// Frequency f, Hz; positive.
     #[schemars(extend("exclusiveMinimum" = 0.0))]

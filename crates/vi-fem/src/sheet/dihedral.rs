@@ -14,7 +14,7 @@ fn sub<R: Real>(a: [R; 3], b: [R; 3]) -> [R; 3] {
     vec3!(i => a[i] - b[i])
 }
 
-/// One triangle on the edge: the quantities that gradient and Hessian use.
+/// Quantities of one of the two triangles at the edge e that the gradient and the Hessian of θ use.
 #[derive(Clone, Copy)]
 struct Wing<R> {
     /// e × r.
@@ -31,9 +31,9 @@ struct Wing<R> {
     factor: R,
 }
 
-/// ∂θ/∂x in eight numbers.
+/// The gradient ∂θ/∂x of the dihedral angle, in eight numbers.
 pub(crate) struct Slopes<R> {
-    /// At the free corners, 1/m.
+    /// ∂θ/∂x at the free corners, 1/m.
     pub(crate) free: [[R; 3]; 2],
     /// The projections of the free corners onto the edge: 0 at x₀, 1 at x₁.
     pub(crate) s: [R; 2],

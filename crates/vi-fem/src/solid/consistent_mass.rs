@@ -66,7 +66,7 @@ pub(crate) fn triangle_mass(
 
 /// Returns a quadrature rule with many points on the reference cell of a kind: a box, a prism over the triangle ξ + η
 /// ≤ 1, a pyramid, or the simplex ξ + η + ζ ≤ 1 (collapsed coordinates).
-pub(crate) fn rich_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
+pub(crate) fn high_order_rule<E: Element<N, Q>, const N: usize, const Q: usize>(
     kind: CellKind,
 ) -> Vec<([f64; 3], f64)> {
     let Bounds { low, high } = Bounds::of(E::nodes());
@@ -111,7 +111,7 @@ impl SolidVisitor for AddBlock<'_> {
         let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
         let first = self.blocks.len();
         self.blocks.resize(first + packed_len(N), 0.0);
-        for (xi, weight) in rich_rule::<E, N, Q>(self.kind) {
+        for (xi, weight) in high_order_rule::<E, N, Q>(self.kind) {
             let values = E::values(xi);
             let mass = self.density * weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
             let mut k = first;

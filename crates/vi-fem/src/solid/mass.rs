@@ -2,7 +2,7 @@
 
 use crate::error::FemError;
 use crate::small::tensor::{Mat3, cross, determinant};
-use crate::solid::consistent_mass::rich_rule;
+use crate::solid::consistent_mass::high_order_rule;
 use crate::solid::element::contract::{Element, SolidVisitor};
 use crate::solid::element::visit_solid;
 use vi_mesh::{CellKind, Mesh};
@@ -86,7 +86,7 @@ impl SolidVisitor for AddRowSums<'_> {
     fn visit<E: Element<N, Q>, const N: usize, const Q: usize>(self) {
         let x: [[f64; 3]; N] = std::array::from_fn(|a| self.mesh.points[self.nodes[a] as usize]);
         // Use the rule of the consistent mass, so that weight and inertia agree to round-off.
-        for (xi, weight) in rich_rule::<E, N, Q>(self.kind) {
+        for (xi, weight) in high_order_rule::<E, N, Q>(self.kind) {
             let dv = weight * determinant(&E::reference_gradient(&x, &E::gradients(xi)));
             for (&node, value) in self.nodes.iter().zip(E::values(xi)) {
                 self.sums[node as usize] += self.density * dv * value;

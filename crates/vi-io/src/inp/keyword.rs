@@ -16,7 +16,7 @@ pub(super) fn next_line<'a>(cursor: &mut Cursor<'a>) -> Option<(usize, &'a [u8])
 
 /// A keyword line: `*NAME, KEY=value, FLAG`.
 pub(super) struct Keyword<'a> {
-    /// In upper case, with single spaces between the words.
+    /// Name of the keyword in upper case, with single spaces between the words.
     pub(super) name: String,
     pub(super) at: usize,
     parameters: Vec<(&'a [u8], Option<&'a [u8]>)>,

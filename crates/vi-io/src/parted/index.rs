@@ -27,7 +27,7 @@ const LINES: [(&str, &str); 9] = [
     ("end", "end"),
 ];
 
-/// What an index says.
+/// Contents of the index of a parted mesh.
 #[derive(Debug, Clone)]
 pub(super) struct Index {
     pub(super) pieces: MeshPieces,

@@ -7,7 +7,7 @@ use crate::theory::lagrange::lagrangian::Scalar;
 
 /// m holonomic constraints g(q) = 0 with independent gradients.
 pub trait Constraint {
-    /// Number of constraints m.
+    /// Returns the number m of constraints.
     fn count(&self) -> usize;
     /// Returns g(q), m entries.
     fn value<D: Scalar>(&self, q: &[D]) -> Vec<D>;

@@ -19,9 +19,9 @@ use crate::theory::{differentiate, newton};
 /// Position and velocity at a node of the path, n each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HermiteState {
-    /// q.
+    /// Position q.
     pub q: Vec<f64>,
-    /// v = q̇.
+    /// Velocity v = q̇.
     pub v: Vec<f64>,
 }
 

@@ -9,9 +9,9 @@ use crate::theory::lagrange::trajectory::Trajectory;
 
 /// A Lagrangian of coordinates, velocities and accelerations, n each.
 pub trait HigherLagrangian {
-    /// Number of coordinates n.
+    /// Returns the number n of coordinates.
     fn dof_count(&self) -> usize;
-    /// L(t, q, v, a).
+    /// Returns L(t, q, v, a) with v = q̇ and a = q̈.
     fn value<D: Scalar>(&self, t: D, q: &[D], v: &[D], a: &[D]) -> D;
 }
 

@@ -11,7 +11,7 @@ impl<D: DualNum<Primitive = f64> + Copy> Scalar for D {}
 /// It is twice differentiable in all arguments, and regular (∂²L/∂q̇² invertible) if accelerations are computed.
 /// Write it with [`lagrangian!`](crate::lagrangian), or implement the trait for your own type.
 pub trait Lagrangian {
-    /// Number of coordinates n.
+    /// Returns the number n of coordinates.
     fn dof_count(&self) -> usize;
     /// Returns L at time t (s), coordinates q and velocities v = q̇, n entries each.
     fn value<D: Scalar>(&self, t: D, q: &[D], v: &[D]) -> D;

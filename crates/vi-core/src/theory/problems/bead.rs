@@ -5,14 +5,14 @@ use crate::theory::generalised::Embedding;
 use crate::theory::lagrange::lagrangian::Scalar;
 use crate::theory::statics::Energy;
 
-/// x = r (sin q cos τ, sin q sin τ, cos q), q measured from the upward vertical (+z), V = m g z, unit mass.
+/// x = r (sin q cos τ, sin q sin τ, cos q), q measured from the upward vertical (+z), V = m g z with unit mass m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BeadOnHoop {
-    /// r, m.
+    /// Radius r of the hoop, m.
     pub radius: f64,
-    /// g, m/s².
+    /// Gravitational acceleration g, m/s².
     pub gravity: f64,
-    /// ω, rad/s.
+    /// Angular velocity ω of the hoop, rad/s.
     pub omega: f64,
 }
 

@@ -14,11 +14,11 @@ pub struct SpringChain {
     pub node_count: usize,
     /// Mass of a node, kg; every second node has twice this mass, so that symmetry hides no mode.
     pub mass: f64,
-    /// k, N/m.
+    /// Linear stiffness k of a spring, N/m.
     pub stiffness: f64,
-    /// β, N/m³.
+    /// Cubic stiffness β of a spring, N/m³.
     pub quartic: f64,
-    /// l, m.
+    /// Length l of a spring without force, m.
     pub rest_length: f64,
 }
 

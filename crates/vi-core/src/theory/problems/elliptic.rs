@@ -14,11 +14,11 @@ pub fn complete_elliptic_k(k: f64) -> f64 {
 /// Jacobi's elliptic functions at one argument.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jacobi {
-    /// sn(u, k).
+    /// Sine of the amplitude, sn(u, k).
     pub sn: f64,
-    /// cn(u, k).
+    /// Cosine of the amplitude, cn(u, k).
     pub cn: f64,
-    /// dn(u, k).
+    /// Delta of the amplitude, dn(u, k) = √(1 − k² sn²(u, k)).
     pub dn: f64,
 }
 

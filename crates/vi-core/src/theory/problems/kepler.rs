@@ -11,7 +11,7 @@ use crate::theory::problems::term::{Jet, Term};
 /// The Kepler problem of a unit mass; energies and momenta are per kilogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kepler<const D: usize> {
-    /// μ = G M, m³/s².
+    /// Standard gravitational parameter μ = G M of the centre, m³/s².
     pub mu: f64,
 }
 

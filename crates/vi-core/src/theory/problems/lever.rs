@@ -7,9 +7,9 @@ use crate::theory::lagrange::lagrangian::Scalar;
 /// Point masses m_i at signed arms r_i along a massless beam; q is the angle of the beam from the horizontal.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lever {
-    /// (m_i kg, r_i m) pairs.
+    /// Pairs of a mass m_i, kg, and its arm r_i, m.
     pub loads: Vec<(f64, f64)>,
-    /// g, m/s².
+    /// Gravitational acceleration g, m/s².
     pub gravity: f64,
 }
 

@@ -9,9 +9,9 @@ use crate::theory::problems::term::{Jet, Term};
 /// A mass on a linear spring.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Oscillator {
-    /// m, kg.
+    /// Mass m, kg.
     pub mass: f64,
-    /// k, N/m.
+    /// Stiffness k of the spring, N/m.
     pub stiffness: f64,
 }
 

@@ -10,11 +10,11 @@ use crate::theory::problems::term::{Jet, Term};
 /// A point mass on a massless rod; θ is measured from the downward vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pendulum {
-    /// m, kg.
+    /// Mass m, kg.
     pub mass: f64,
-    /// l, m.
+    /// Length l of the rod, m.
     pub length: f64,
-    /// g, m/s².
+    /// Gravitational acceleration g, m/s².
     pub gravity: f64,
 }
 

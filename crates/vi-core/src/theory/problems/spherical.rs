@@ -13,9 +13,9 @@ use crate::theory::problems::term::{Jet, Term};
 /// A unit point mass at distance `length` from a fixed point, q = (θ, φ), θ measured from the downward vertical.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SphericalPendulum {
-    /// l, m.
+    /// Distance l of the mass from the fixed point, m.
     pub length: f64,
-    /// g, m/s².
+    /// Gravitational acceleration g, m/s².
     pub gravity: f64,
 }
 

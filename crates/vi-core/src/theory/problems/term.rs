@@ -7,17 +7,17 @@ use crate::contract::potential::{Account, HessianKind, Potential, Stencils, Trai
 /// Energy V_s (J), gradient (N) and Hessian (N/m) of one local term of N coordinates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Jet<const N: usize> {
-    /// V_s.
+    /// Energy V_s, J.
     pub energy: f64,
-    /// ∂V_s/∂x.
+    /// Gradient ∂V_s/∂x, N.
     pub gradient: [f64; N],
-    /// ∂²V_s/∂x², symmetric.
+    /// Hessian ∂²V_s/∂x², N/m; symmetric.
     pub hessian: [[f64; N]; N],
 }
 
 /// A potential with all local terms given by `jet(stencil, local coordinates)`.
 pub struct Term<const N: usize, J> {
-    /// Name for reports.
+    /// Name of the term in reports.
     pub name: &'static str,
     /// Coordinates per node.
     pub block: usize,
@@ -25,7 +25,7 @@ pub struct Term<const N: usize, J> {
     pub nodes: Vec<u32>,
     /// Structure of the Hessian.
     pub hessian: HessianKind,
-    /// The local term.
+    /// The function `jet(stencil, local coordinates)` that gives one local term.
     pub jet: J,
 }
 

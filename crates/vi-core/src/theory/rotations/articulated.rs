@@ -67,7 +67,7 @@ impl Articulated {
         Ok(Self { links, gravity })
     }
 
-    /// The links.
+    /// Returns the links.
     pub fn links(&self) -> &[Link] {
         &self.links
     }

@@ -36,7 +36,7 @@ impl PosePotential for Weightless {
 /// Weight m g along −z of the point `centre` of the body: V = m g e_z · (c + R centre).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Weight {
-    /// m g, N.
+    /// Size m g of the weight, N.
     pub force: f64,
     /// The centre of mass in the body, from its centre or pivot, m.
     pub centre: Vector3<f64>,
@@ -51,13 +51,13 @@ impl PosePotential for Weight {
 /// A rigid body with L = ½ m |ċ|² + ½ ω·I ω − V(t, c, R), where ω is the angular velocity in the body frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RigidBody<V> {
-    /// m, kg.
+    /// Mass m, kg.
     pub mass: f64,
     /// Inertia about the centre of mass, or about the pivot, in the body frame, kg m².
     pub inertia: Matrix3<f64>,
     /// Whether the body rotates about a fixed point (c = 0).
     pub is_pivoted: bool,
-    /// V.
+    /// Potential V(t, c, R), J.
     pub potential: V,
 }
 
@@ -66,13 +66,13 @@ pub struct RigidBody<V> {
 pub struct RigidState {
     /// Time, s.
     pub t: f64,
-    /// c, m.
+    /// Position c of the centre of mass, m; zero for a body with a pivot.
     pub place: Vector3<f64>,
-    /// R, from body to space.
+    /// Rotation matrix R from the body frame to space.
     pub turn: Matrix3<f64>,
-    /// m ċ, kg m/s.
+    /// Linear momentum m ċ, kg m/s.
     pub momentum: Vector3<f64>,
-    /// Π = I ω, angular momentum in the body frame, kg m²/s.
+    /// Angular momentum Π = I ω in the body frame, kg m²/s.
     pub spin: Vector3<f64>,
 }
 

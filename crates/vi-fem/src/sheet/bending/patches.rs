@@ -52,8 +52,9 @@ struct Group {
     first: usize,
     count: usize,
     pattern: usize,
-    /// The index of the first hinge, and that of the first held corner.
+    /// The index of the first hinge.
     bends: usize,
+    /// The index of the first held corner.
     held: usize,
 }
 

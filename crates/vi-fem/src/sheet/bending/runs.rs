@@ -31,7 +31,7 @@ pub(super) struct Runs {
     hinges: Vec<HingePack>,
 }
 
-/// The groups of a run of stencils, and those of its hinges.
+/// The groups of stencils and the groups of hinges of one run.
 struct Run {
     groups: Range<usize>,
     hinges: Range<usize>,
@@ -40,7 +40,7 @@ struct Run {
 /// Up to eight hinges of a run, all of triangles or all of supports. A group that is not full repeats its last hinge; no
 /// stencil acts on the copies.
 struct HingePack {
-    /// Each corner by its index among the places of the run. That of a support repeats the first.
+    /// Each corner by its index among the places of the run. The fourth corner of a support repeats the first.
     corners: [[u16; GROUP]; 4],
     /// The vectors from the first corners to [`CARRIED`] fourth ones, m.
     carried: Option<Box<[Pack; 3]>>,

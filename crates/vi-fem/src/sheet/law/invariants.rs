@@ -52,11 +52,11 @@ pub(super) fn from_invariants<R: Real>(strain: &[R; 3], j: R, law: Invariants<R>
 
 /// Uniaxial tension at the principal value c of C, with free transverse contraction.
 pub(super) struct Uniaxial {
-    /// W and its derivatives by c, J/m³.
+    /// The energy density W and its first and second derivatives by c, J/m³.
     pub(super) energy: f64,
     pub(super) first: f64,
     pub(super) second: f64,
-    /// The other principal value of C.
+    /// The other principal value of C, which leaves the sheet without stress across the tension.
     pub(super) width: f64,
 }
 

@@ -21,9 +21,9 @@ use crate::solid::material::contract::Material;
 /// The rest shapes of some groups of simplices.
 #[derive(Clone, Copy)]
 pub(crate) enum Shapes<'a> {
-    /// In the orientation of the mesh.
+    /// Rest shapes in the orientation of the mesh.
     Plain(&'a [PointGeometry]),
-    /// Rotated, for isotropic and objective laws.
+    /// Rotated rest shapes, for isotropic and objective laws.
     Rotated(&'a [RotatedGeometry]),
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::contract::{Material, Outside, positive_determinant};
 use super::jet::Jet;
-use super::near_rest::or_work_of_stress;
+use super::near_rest::energy_or_work_of_stress;
 use super::parameters::{Parameters, require_positive};
 use super::program::Program;
 use crate::error::FemError;
@@ -158,7 +158,7 @@ impl Material for Formula {
 
     #[inline(always)]
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
-        or_work_of_stress(self, f, self.sum(f))
+        energy_or_work_of_stress(self, f, self.sum(f))
     }
 
     #[inline(always)]

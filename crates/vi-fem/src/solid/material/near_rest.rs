@@ -48,7 +48,7 @@ impl<R: Real> NearRest<R> {
     }
 }
 
-/// Strains below √`SMALL` are near rest for [`or_work_of_stress`]. There its error is below 1e-15 of the energy, and a sum that
+/// Strains below √`SMALL` are near rest for [`energy_or_work_of_stress`]. There its error is below 1e-15 of the energy, and a sum that
 /// cancels is off by 2e-12 at most.
 const SMALL: f64 = 1e-4;
 
@@ -59,7 +59,7 @@ const GAUSS: [[f64; 2]; 3] =
 /// Returns the energy of a law whose formula is not known: `sum`, its own value, or near rest ∫ P(R + s (F − R)) : (F − R) ds,
 /// where R is the rotation nearest to F.
 #[inline(always)]
-pub(super) fn or_work_of_stress<M: Material, R: Real>(law: &M, f: &Mat3<R>, sum: R) -> R {
+pub(super) fn energy_or_work_of_stress<M: Material, R: Real>(law: &M, f: &Mat3<R>, sum: R) -> R {
     let rotation = nearest_rotation(f);
     let strain = mat3!(i j => f[i][j] - rotation[i][j]);
     let far = contract(&strain, &strain) - SMALL;

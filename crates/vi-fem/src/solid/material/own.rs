@@ -13,7 +13,7 @@ use serde::{Serialize, Serializer};
 use vi_core::lagrange::Scalar;
 
 use super::contract::{Material, Outside, positive_determinant};
-use super::near_rest::or_work_of_stress;
+use super::near_rest::energy_or_work_of_stress;
 use super::parameters::{Parameters, require_positive};
 use crate::error::FemError;
 use crate::lanes::real::Real;
@@ -254,7 +254,7 @@ impl Material for Own {
     #[inline(always)]
     fn energy<R: Real>(&self, f: &Mat3<R>) -> R {
         let [energy] = by_point(f, |f| [self.0.energy(f)]);
-        or_work_of_stress(self, f, energy)
+        energy_or_work_of_stress(self, f, energy)
     }
 
     #[inline(always)]
