@@ -48,7 +48,7 @@ pub(crate) struct Evaluator {
     pub(crate) work: Work,
 }
 
-/// How a system depends on the time.
+/// Whether and how the potential and the positions of a system depend on the time t.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TimeDependence {
     /// Whether V depends on t at the same positions.
@@ -280,13 +280,13 @@ impl Evaluator {
         self.assembler.gather().is_some_and(Gather::is_shared)
     }
 
-    /// Forgets the place of the last evaluation.
+    /// Discards the configuration of the last evaluation, so that the next one computes everything anew.
     pub(crate) fn forget(&mut self) {
         self.t = f64::NAN;
         self.gradient_is_of_x = false;
     }
 
-    /// Returns whether nothing has been evaluated yet, or everything has been forgotten.
+    /// Returns whether nothing has been evaluated since the start or the last [`Evaluator::forget`].
     pub(crate) fn is_blank(&self) -> bool {
         self.t.is_nan()
     }

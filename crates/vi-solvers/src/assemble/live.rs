@@ -104,12 +104,12 @@ impl LiveSum {
         self.state = state.clone();
     }
 
-    /// Marks what the terms remember.
+    /// Keeps a copy of the memory of the terms, for [`LiveSum::return_to_mark`].
     pub(crate) fn mark(&mut self) {
         self.marked.clone_from(&self.passage);
     }
 
-    /// Takes back what the terms remember since the last mark.
+    /// Restores the memory of the terms at the last [`LiveSum::mark`].
     pub(crate) fn return_to_mark(&mut self) {
         self.passage.return_to(&self.marked);
     }

@@ -95,7 +95,7 @@ pub(crate) struct Passage {
 /// A step that can be divided fails if its smallest gap at the end is below the fraction `NARROW` of the distance below
 /// which pairs act, and below the fraction `CLOSES` of the gap at the start.
 ///
-/// A blow over many times the layer in one step ends with the energy of the whole body in the layer, because the force that
+/// An impact over many times the layer in one step ends with the energy of the whole body in the layer, because the force that
 /// stops the body does its work over the whole way. From a gap g, bodies that turn with the radius r in a step move no farther
 /// than about √(8 r g), or the straight path of the step would pass through them: at 1e-4 of the layer, the next step fails,
 /// however short. Of ten scenes of `stress --contact --seed 1` that failed by name (4, 41, 46, 122, 155, 161, 164, 172, 174, 196),

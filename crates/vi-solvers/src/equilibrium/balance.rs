@@ -218,7 +218,7 @@ impl<'a> Balance<'a> {
 
     /// Returns whether a coordinate differs between two configurations by so many extents of the first that no support
     /// can stop the body.
-    pub(crate) fn goes_astray(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
+    pub(crate) fn moves_too_far(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
         self.go_to(from, t);
         let extent = self.extent();
         extent > 0.0 && vectors::max_abs(to.len(), |k| to[k] - from[k]) > FARTHEST * extent
@@ -227,7 +227,7 @@ impl<'a> Balance<'a> {
     /// Returns whether V at (`to`, t) is at most that at (`from`, t); true if forces have no potential. A prediction by an
     /// almost singular tangent goes much too far, and a solve from there has no scale of energy.
     pub(crate) fn lowers_energy(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
-        if self.goes_astray(from, to, t) {
+        if self.moves_too_far(from, to, t) {
             return false;
         }
         if !self.is_conservative() {
@@ -302,7 +302,7 @@ impl<'a> Balance<'a> {
         let k = tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)?;
         k.diagonal(&mut self.diagonal);
         let made = match solver {
-            Some(solver) if solver.serves(k) => solver,
+            Some(solver) if solver.has_pattern_of(k) => solver,
             other => {
                 let new = TangentSolver::new((*linear, demand), k, mass, q, work)?;
                 other.insert(new.interruptible(interrupt))

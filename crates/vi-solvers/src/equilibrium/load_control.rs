@@ -172,7 +172,7 @@ impl Search<'_> {
                     has_velocity = is_stable && self.velocity(state, increment, &mut velocity)?;
                 }
                 Err(cause) if cause.is_interruption() => return Err(cause),
-                // The tangent tells how bodies give way to a motion that is prescribed.
+                // The tangent gives the response of bodies to a prescribed motion.
                 Err(SolverError::Blocked { .. })
                     if std::mem::take(&mut may_predict)
                         && self.velocity(state, increment, &mut velocity)? =>

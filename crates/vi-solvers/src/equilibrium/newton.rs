@@ -146,7 +146,7 @@ pub(crate) fn solve(
         let (iterations, residual, tolerance) = (iteration, relative, stop.tolerance);
         let stalled = SolverError::NoConvergence { iterations, residual, tolerance };
         let length = line_search(balance, q, t, (&step, longest), (&mut r, &mut trial), stalled)?;
-        if balance.goes_astray(&start, q, t) {
+        if balance.moves_too_far(&start, q, t) {
             return Err(SolverError::NoConvergence { iterations, residual: 1.0, tolerance });
         }
         if iteration == 1 {

@@ -143,10 +143,10 @@ impl TangentSolver {
     }
 
     /// Returns whether ordering and layout belong to the pattern of `a`.
-    pub(super) fn serves(&self, a: &SymmetricMatrix) -> bool {
+    pub(super) fn has_pattern_of(&self, a: &SymmetricMatrix) -> bool {
         match &self.kind {
-            Kind::Factor(factor) => factor.serves(a),
-            Kind::Gradients(pcg) => pcg.serves(a),
+            Kind::Factor(factor) => factor.has_pattern_of(a),
+            Kind::Gradients(pcg) => pcg.has_pattern_of(a),
             Kind::Shared(..) => true,
         }
     }

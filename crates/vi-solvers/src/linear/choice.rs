@@ -110,7 +110,7 @@ impl ChosenSolver {
     }
 
     /// Returns whether a factor of a new matrix would be cheaper than to go on with conjugate gradients.
-    pub(crate) fn is_outdone(&self) -> bool {
+    pub(crate) fn has_cheaper_solver(&self) -> bool {
         matches!(self.path, Path::Gradients(_))
             && self.rivalry.prefers_factor([self.costs.factor, self.costs.solve])
     }
@@ -144,7 +144,7 @@ impl ChosenSolver {
         self.rivalry.save(memory);
     }
 
-    /// Returns to the state before the first A.
+    /// Discards the choice of a solver and its data, as before the first matrix A.
     pub(crate) fn forget(&mut self) {
         let Self { choice, may_be_single, is_exact, .. } = *self;
         let interrupt = std::mem::take(&mut self.interrupt);
@@ -182,7 +182,7 @@ impl ChosenSolver {
         } else if self.rivalry.is_due() && self.choice == LinearSolver::Auto && !self.is_exact {
             self.compare(system, model, work)?;
         }
-        if !self.serves(k) {
+        if !self.has_pattern_of(k) {
             self.analyze(k)?;
             self.analyses += 1;
         }
@@ -230,12 +230,12 @@ impl ChosenSolver {
     }
 
     /// Returns whether ordering and layout belong to the pattern of k.
-    fn serves(&self, k: &SymmetricMatrix) -> bool {
+    fn has_pattern_of(&self, k: &SymmetricMatrix) -> bool {
         match &self.path {
             Path::Undecided => false,
-            Path::Factor(factor) => factor.serves(k),
-            Path::Single(factor) => factor.serves(k),
-            Path::Gradients(pcg) => pcg.serves(k),
+            Path::Factor(factor) => factor.has_pattern_of(k),
+            Path::Single(factor) => factor.has_pattern_of(k),
+            Path::Gradients(pcg) => pcg.has_pattern_of(k),
             Path::Shared(_) => true,
         }
     }

@@ -112,7 +112,7 @@ impl<T: Scalar> Cholesky<T> {
     }
 
     /// Returns whether this factor is for matrices with the pattern of k.
-    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+    pub(crate) fn has_pattern_of(&self, k: &SymmetricMatrix) -> bool {
         self.matrix.has_pattern_of(k)
     }
 

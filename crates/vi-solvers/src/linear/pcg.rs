@@ -37,8 +37,9 @@ const LOOSE: f64 = 1e-2;
 /// entry by 6e-8 of itself, so A on smooth vectors by about 1e-7 times this ratio.
 const LARGEST_SINGLE: f64 = 1e4;
 
-/// Smallest such ratio with which a coarse space pays. P1 by implicit midpoint, iterations without and with it: n16, ratio
-/// about 16, 301 and 349; ratio 98, 351 and 232; n32, ratio 16, 161 and 159; ratio 64, 156 and 112.
+/// Smallest ratio of a diagonal entry of A to its mass with which a coarse space costs less than it saves. P1 by
+/// implicit midpoint, iterations without and with it: n16, ratio about 16, 301 and 349; ratio 98, 351 and 232; n32,
+/// ratio 16, 161 and 159; ratio 64, 156 and 112.
 const SMALLEST_COARSE: f64 = 40.0;
 
 /// Time per byte of a product with A in double precision, in the order of the assembly, relative to one that reads in order:
@@ -245,7 +246,7 @@ impl Pcg {
     }
 
     /// Returns whether this solver is for matrices with the pattern of k.
-    pub(crate) fn serves(&self, k: &SymmetricMatrix) -> bool {
+    pub(crate) fn has_pattern_of(&self, k: &SymmetricMatrix) -> bool {
         self.matrix.has_pattern_of(k)
     }
 

@@ -56,11 +56,11 @@ impl Rivalry {
     /// Returns whether a comparison is due and a factor is cheaper than conjugate gradients with these costs of a
     /// preconditioner and a solve. Conjugate gradients renew their matrix more often than factors are made.
     pub(super) fn prefers_factor(&self, gradients: [f64; 2]) -> bool {
-        self.is_open() && self.is_dearer(gradients)
+        self.is_open() && self.is_more_expensive(gradients)
     }
 
     /// Returns whether conjugate gradients are dearer than a factor.
-    pub(super) fn is_dearer(&self, gradients: [f64; 2]) -> bool {
+    pub(super) fn is_more_expensive(&self, gradients: [f64; 2]) -> bool {
         self.share(gradients, 1.0) > MARGIN * self.share(self.factor, 1.0 / SOLVES_PER_FACTOR)
     }
 

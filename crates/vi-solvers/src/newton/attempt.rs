@@ -24,9 +24,9 @@ pub(crate) fn is_within(tolerance: f64, eta: f64, contraction: Option<f64>) -> b
     }
 }
 
-/// Ratio of errors below which the last factor was worth its price. In a stiff band by Gauss collocation (h = 20 ms) each factor
-/// reduces the error to a sixtieth. The run took 9.3 instead of 2.7 s while the third factor of a step was replaced by a descent
-/// from the start.
+/// Ratio of errors below which the last factor was worth its cost. In a stiff band by Gauss collocation (h = 20 ms)
+/// each factor reduces the error to a sixtieth. The run took 9.3 instead of 2.7 s while the third factor of a step was
+/// replaced by a descent from the start.
 const GAIN: f64 = 0.1;
 
 /// A converged solve.
@@ -48,7 +48,7 @@ pub(super) struct Attempt {
     pub(super) wanted: Option<Reason>,
     /// Number of requests for a new factor without such a gain since the one before.
     pub(super) troubles: u32,
-    /// Smallest error at which a new factor was asked for.
+    /// Smallest error at which a new factor was requested.
     least_at_trouble: Option<f64>,
     pub(super) restarts: u32,
     /// Whether the current factor was made in this solve.

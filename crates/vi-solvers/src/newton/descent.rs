@@ -82,7 +82,7 @@ impl Newton {
             solve.evaluate()?;
             let decrement = solve.correct()?;
             solve.evaluator.work.newton_iterations += 1;
-            if kind == HessianEvaluation::Exact && solve.is_astray() {
+            if kind == HessianEvaluation::Exact && solve.is_correction_too_long() {
                 kind = HessianEvaluation::Projected;
                 continue;
             }

@@ -158,8 +158,9 @@ impl<'a, E: Equations> Solve<'a, E> {
         self.equations.largest_step(self.system, self.evaluator, sensible)
     }
 
-    /// Returns whether the last correction is too long to make sense: the factor lacks pairs that act, or is nearly singular.
-    pub(super) fn is_astray(&mut self) -> bool {
+    /// Returns whether the last correction is longer than any sensible one: the factor lacks pairs that act, or is
+    /// nearly singular.
+    pub(super) fn is_correction_too_long(&mut self) -> bool {
         self.evaluator.limits_steps() && self.sensible_part() < 1.0
     }
 

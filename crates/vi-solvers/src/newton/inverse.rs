@@ -68,7 +68,7 @@ pub(crate) struct Inverse {
     rotated: Option<RotatedFactor>,
     /// The tangents of discrete gradients in the factor, and their factors in K.
     tangents: Vec<(f64, SymmetricMatrix)>,
-    /// Whether the factor is that of simplified equations.
+    /// Whether the factor belongs to simplified equations.
     is_simplified: bool,
     /// Whether all Hessians are constant. Then a factor is never stale.
     is_linear: bool,
@@ -115,8 +115,8 @@ impl Inverse {
     }
 
     /// Returns whether another linear solver is cheaper and waits for a new matrix.
-    pub(crate) fn is_outdone(&self) -> bool {
-        self.linear.is_outdone()
+    pub(crate) fn has_cheaper_solver(&self) -> bool {
+        self.linear.has_cheaper_solver()
     }
 
     pub(crate) fn costs(&self) -> &UnitCosts {

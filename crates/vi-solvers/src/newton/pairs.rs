@@ -256,8 +256,8 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
             let scale = solve.equations.energy_scale();
             let last = std::mem::replace(&mut eta, relative_error(energy, scale));
             let unlawful = solve.evaluator.pairs().and_then(Pairs::unlawful);
-            let asks_for_forces = progress.asks_for_forces(eta, unlawful);
-            let forces = if asks_for_forces { solve.equations.forces_size(solve.evaluator) } else { 0.0 };
+            let needs_forces = progress.needs_forces(eta, unlawful);
+            let forces = if needs_forces { solve.equations.forces_size(solve.evaluator) } else { 0.0 };
             let verdict = progress.judge(&Iteration {
                 eta,
                 size,

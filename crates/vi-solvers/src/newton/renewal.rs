@@ -1,4 +1,5 @@
-//! Decides when a new factor pays off, from the iterations made with a factor and the cost of a new one.
+//! Decides when a new factor costs less than it saves, from the iterations made with a factor and the cost of a new
+//! one.
 
 use crate::error::SolverError;
 use crate::linear::cost::UnitCosts;
@@ -53,7 +54,7 @@ impl Default for Renewal {
 
 impl Renewal {
     /// Returns whether to make a new factor before the next step, by the classic rule of replacement: the next step
-    /// would cost more than the average over the factor's life, including the price of a new one.
+    /// would cost more than the average over the factor's life, including the cost of a new one.
     pub(crate) fn is_stale(&self, costs: &UnitCosts) -> bool {
         self.age > 0 && self.recent > (costs.refactor() + self.total as f64) / self.age as f64
     }
@@ -63,7 +64,7 @@ impl Renewal {
         iterations as f64 + remaining > self.fresh.max(2) as f64 + costs.refactor() + 2.0
     }
 
-    /// Returns whether recent steps took many iterations. Then comparing starts pays off.
+    /// Returns whether recent steps took many iterations. Then a comparison of starts costs less than it saves.
     pub(crate) fn is_hard(&self) -> bool {
         self.has_descended || self.recent > HARD
     }

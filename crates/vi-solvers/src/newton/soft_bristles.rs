@@ -5,7 +5,7 @@
 //! ([`Progress::part`]). If this is not
 //! enough, a second attempt begins with soft bristles, which stick over a wide range of slip, and makes them stiffer from
 //! stage to stage. A third attempt does so from still softer ones; below the stiffness with which the second one begins, terms
-//! make their forces stiffer instead, so that pairs that a hard blow brings very close are first found far apart.
+//! make their forces stiffer instead, so that pairs that a hard impact brings very close are first found far apart.
 //!
 //! Another obstacle is a path that cuts corrections short. Usually only the nodes of the pairs that would meet are stopped.
 //! If many pairs lie in a stiff layer, they are then brought too close in turn, without end. The last attempt
@@ -200,8 +200,8 @@ pub(crate) struct Iteration {
     pub(crate) is_whole: bool,
     /// Number of pairs whose traction of friction does not obey its law; `None` without friction.
     pub(crate) unlawful: Option<usize>,
-    /// The size of the forces of pairs in the residual; zero if it is not known, or if [`Progress::asks_for_forces`] does not
-    /// ask for it.
+    /// The size of the forces of pairs in the residual; zero if it is not known, or if [`Progress::needs_forces`]
+    /// returns false.
     pub(crate) forces: f64,
     /// A bound on the size that the residual has by round-off; zero if it is not known.
     pub(crate) round_off: f64,
@@ -276,7 +276,7 @@ impl Progress {
 
     /// Returns whether the judgement of an iteration with this error and number of unlawful pairs depends on the forces of pairs:
     /// far from the solution, until bristles were made softer once.
-    pub(crate) fn asks_for_forces(&self, eta: f64, unlawful: Option<usize>) -> bool {
+    pub(crate) fn needs_forces(&self, eta: f64, unlawful: Option<usize>) -> bool {
         !self.was_far && unlawful.is_some() && eta >= CLOSE
     }
 
@@ -289,7 +289,7 @@ impl Progress {
             *self = Self { was_far: true, ..Self::towards(self.aim) };
             return Verdict::Continue;
         }
-        if self.asks_for_forces(eta, unlawful) && size >= BALANCED * forces {
+        if self.needs_forces(eta, unlawful) && size >= BALANCED * forces {
             (self.penalty, self.was_far) = (FAR, true);
         }
         let unlawful = unlawful.unwrap_or(0);

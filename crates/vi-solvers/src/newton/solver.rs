@@ -80,7 +80,7 @@ impl Newton {
         } else if !solve.inverse.is_for(solve.equations.coefficient()) {
             attempt.wanted = Some(Reason::New);
         } else if !solve.inverse.is_linear()
-            && (self.renewal.is_stale(solve.inverse.costs()) || solve.inverse.is_outdone())
+            && (self.renewal.is_stale(solve.inverse.costs()) || solve.inverse.has_cheaper_solver())
         {
             attempt.wanted = Some(Reason::Stale);
         } else {
@@ -118,7 +118,7 @@ impl Newton {
                 let (delta, load) = solve.equations.correction();
                 self.anderson.mix(delta, load, small || !has_merit);
             }
-            if !attempt.is_renewed && solve.is_astray() {
+            if !attempt.is_renewed && solve.is_correction_too_long() {
                 // The factor was made before the pairs that act here. To examine the path would take longer than a new one.
                 attempt.escalate(Reason::Slow);
                 continue;

@@ -1,7 +1,7 @@
-//! Newton's method that ends after a fixed number of linear solves, whether it has converged or not. The model is factored
-//! once per step, with a projected Hessian, and the merit decreases with each correction. So the result is at least as
-//! good as the start, whatever the step, at a price that is known beforehand. Forces without a potential, as of wind, are linearised once
-//! per step, and iterates stay where the constraints are met, so that there is a merit.
+//! Newton's method that ends after a fixed number of linear solves, whether it has converged or not. The model is
+//! factored once per step, with a projected Hessian, and the merit decreases with each correction. So the result is at
+//! least as good as the start, whatever the step, at a cost that is known beforehand. Forces without a potential, as of
+//! wind, are linearised once per step, and iterates stay where the constraints are met, so that there is a merit.
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::error::SolverError;

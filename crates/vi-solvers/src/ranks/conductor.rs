@@ -79,7 +79,7 @@ struct Conductor {
 
 impl Conductor {
     /// Gives the ranks their portions of a state.
-    fn hand_out(&mut self, state: &State) -> Result<(), SolverError> {
+    fn send_state(&mut self, state: &State) -> Result<(), SolverError> {
         let memory = if self.there.is_some() { &StepperMemory::default() } else { &self.memory };
         let x = memory.array("forces.x").ok();
         let evaluated = match x {
@@ -108,9 +108,9 @@ impl Conductor {
     }
 
     /// Lets the ranks make steps, and collects the state; returns false, without changes, if any of them failed.
-    fn together(&mut self, state: &mut State, h: f64, count: u32) -> Result<bool, SolverError> {
+    fn step_together(&mut self, state: &mut State, h: f64, count: u32) -> Result<bool, SolverError> {
         if self.there != Some(digest(state)) {
-            self.hand_out(state)?;
+            self.send_state(state)?;
         }
         let (t, partners) = (state.t, &self.partners);
         let mut member = partners.member();
@@ -153,7 +153,7 @@ impl Stepper for Conductor {
         let before = self.work();
         let t = state.t;
         let failed = |cause| StepError { t, h, cause };
-        if self.together(state, h, 1).map_err(failed)? {
+        if self.step_together(state, h, 1).map_err(failed)? {
             return Ok(self.report(before));
         }
         let mut alone = stepper(&self.method, system, &self.options).map_err(failed)?;
@@ -174,7 +174,7 @@ impl Stepper for Conductor {
 
     fn steps(&mut self, system: &System, state: &mut State, h: f64, count: u32) -> Option<StepReport> {
         let before = self.work();
-        let joined = self.joins_steps(system) && self.together(state, h, count).unwrap_or(false);
+        let joined = self.joins_steps(system) && self.step_together(state, h, count).unwrap_or(false);
         joined.then(|| self.report(before))
     }
 
@@ -215,7 +215,7 @@ impl Stepper for Conductor {
 
     fn keep(&mut self, state: &State) -> Result<bool, SolverError> {
         if self.there != Some(digest(state)) {
-            self.hand_out(state)?;
+            self.send_state(state)?;
         }
         let mut member = self.partners.member();
         self.partners.command(Command::Keep);

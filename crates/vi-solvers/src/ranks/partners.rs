@@ -14,7 +14,7 @@ use crate::ranks::member::Member;
 use crate::ranks::rows::{Rows, RowsLayout};
 use crate::schemes::method::Method;
 
-/// The ranks that share a component. The first rank has a portion of it as the others have, and tells them what to do.
+/// The ranks that share a component. The first rank has a portion of it as the others have, and sends them commands.
 pub struct Partners {
     exchange: Arc<dyn Exchange>,
     /// Number of the component.
@@ -71,14 +71,14 @@ impl Partners {
         self.member.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Tells the others what to do.
+    /// Sends a command to the other ranks.
     pub(crate) fn command(&self, command: Command) {
         self.exchange.pieces(&command.encode(self.component));
     }
 
     /// Exchanges messages with the other ranks, one after the other, so that only one is in memory: sends what `send` gives for
     /// a rank, receives as many numbers as `receive` says, and passes them to `take`.
-    pub(crate) fn talk<T>(
+    pub(crate) fn exchange_in_turn<T>(
         &self,
         of_ranks: &[T],
         send: impl Fn(&T) -> Vec<f64>,
@@ -95,7 +95,7 @@ impl Partners {
 
     /// Sends numbers to every other rank.
     pub(crate) fn send<T>(&self, of_ranks: &[T], numbers: impl Fn(&T) -> Vec<f64>) {
-        self.talk(of_ranks, numbers, |_| 0, |_, _| {});
+        self.exchange_in_turn(of_ranks, numbers, |_| 0, |_, _| {});
     }
 
     /// Receives numbers from every other rank, as many as `count` says.
@@ -105,7 +105,7 @@ impl Partners {
         count: impl Fn(&T) -> usize,
         take: impl FnMut(&T, &[f64]),
     ) {
-        self.talk(of_ranks, |_| Vec::new(), count, take);
+        self.exchange_in_turn(of_ranks, |_| Vec::new(), count, take);
     }
 
     /// Receives a number for each free coordinate that the others report; `own` are those of the first rank.
@@ -118,7 +118,7 @@ impl Partners {
     }
 
     /// Gives all ranks the positions of their coordinates; returns those of the first.
-    fn hand_out(&self, x: &[f64]) -> Vec<f64> {
+    fn send_positions(&self, x: &[f64]) -> Vec<f64> {
         let of_rank = |held: &RankCoordinates| -> Vec<f64> { held.dofs().map(|dof| x[dof]).collect() };
         self.send(self.held(), of_rank);
         of_rank(&self.held()[0])
@@ -129,7 +129,7 @@ impl SharedTerms for Partners {
     fn energies(&self, x: &[f64], t: f64) -> Vec<RunEnergy> {
         let mut member = self.member();
         self.command(Command::Energies { t });
-        let own = self.hand_out(x);
+        let own = self.send_positions(x);
         let sums = member.energies(&own, t);
         let run = |(&(term, first), [sum, error]): (&(usize, usize), [f64; 2])| RunEnergy {
             term,
@@ -143,7 +143,7 @@ impl SharedTerms for Partners {
     fn gradient(&self, x: &mut [f64], t: f64) {
         let mut member = self.member();
         self.command(Command::Gradient { t });
-        let own = self.hand_out(x);
+        let own = self.send_positions(x);
         let own = member.gradient(&own, t);
         // Every coordinate is reported by one rank.
         let mut enter = |held: &RankCoordinates, values: &[f64]| {
@@ -156,7 +156,7 @@ impl SharedTerms for Partners {
     fn first_fault(&self, x: &[f64], t: f64) -> Option<(usize, usize)> {
         let mut member = self.member();
         self.command(Command::Fault { t });
-        let own = self.hand_out(x);
+        let own = self.send_positions(x);
         let mut all = vec![member.first_fault(&own, t)];
         self.receive(self.held(), |_| 2, |_, found| all.extend(found.first_chunk()));
         let first = all.into_iter().min_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])))?;

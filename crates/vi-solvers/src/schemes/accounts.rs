@@ -111,7 +111,7 @@ impl PotentialEnergies {
         Self { kept, ..Self::new() }
     }
 
-    /// Forgets the energy at the end of a step that was given up.
+    /// Discards the energy at the end of a step that was given up.
     pub(crate) fn forget(&mut self) {
         self.kept = None;
     }

@@ -78,7 +78,7 @@ impl EnergyMomentum {
         }
     }
 
-    /// Writes λ M d.
+    /// Writes λ M d of the free coordinates to `out`, N: the forces that remove the energy defects of ∂V/∂x(x_m).
     fn remove_defects(&mut self, trial: &Trial<'_>, out: &mut [f64]) {
         let Some((parts, defects)) = &mut self.defects else { return };
         defects.sum(trial, parts, [&self.x_start, &self.x_end], &self.dq);

@@ -90,7 +90,7 @@ pub enum AcceptedForces {
     None,
     /// Forces that do not depend on velocity.
     OfPosition,
-    /// All forces.
+    /// All forces, also those that depend on velocity.
     All,
 }
 

@@ -18,8 +18,8 @@ const ROUGH: f64 = 0.1;
 /// A motion relative to a flight that is slower than this fraction of it counts as none. What Newton's method leaves of a beam of 220
 /// coordinates that falls for 4 s, or flies at 300 m/s, stays below it with six schemes at the default tolerance.
 const STILL: f64 = 1e-6;
-/// A vibration whose amplitude is below this number of round-offs of the coordinates counts as none. When drag has stopped a steel-like
-/// cube of 1 m, its noise has an amplitude of 90 of them, and would ask for a million steps.
+/// A vibration whose amplitude is below this number of round-offs of the coordinates counts as none. When drag has
+/// stopped a steel-like cube of 1 m, its noise has an amplitude of 90 of them, and would require a million steps.
 const NOISE: f64 = 1e3;
 
 /// Frequencies of a system at states of its motion.
@@ -59,8 +59,9 @@ impl Frequencies {
     /// move equally. Ω is the larger of two rates: at which a part turns about its centre of mass, and at which the fastest
     /// direction in a rigid body turns. Zero at rest.
     ///
-    /// Rotations remain in u, because no scheme makes them exactly. Without them, a steel bar of 1 m that spins at 10 rad/s would ask for
-    /// steps of its stretching, whose amplitude is 4e-7 of its length, at 1.6e4 rad/s: for a thousand times as many.
+    /// Rotations remain in u, because no scheme makes them exactly. Without them, a steel bar of 1 m that spins at 10
+    /// rad/s would require steps of its stretching, whose amplitude is 4e-7 of its length, at 1.6e4 rad/s: for a
+    /// thousand times as many.
     ///
     /// # Errors
     /// Returns the errors of [`highest_frequency`](crate::highest_frequency).

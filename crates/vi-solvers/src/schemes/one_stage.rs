@@ -48,9 +48,9 @@ const HISTORY: [&str; 3] = ["stage.last", "stage.older", "stage.oldest"];
 /// took 25 s with steps that were corrected by up to 7 %.
 const LARGEST_CORRECTION: f64 = 1e-2;
 
-/// Largest energy that a scheme may add to a step that can be divided and was hard to solve, relative to the kinetic energy. A
-/// flag of cloth by implicit midpoint with h = 10 ms gained 5 to 24 % in single steps of 9 to 17 iterations; the motion that this
-/// excited doubled the price of all later steps.
+/// Largest energy that a scheme may add to a step that can be divided and was hard to solve, relative to the kinetic
+/// energy. A flag of cloth by implicit midpoint with h = 10 ms gained 5 to 24 % in single steps of 9 to 17 iterations;
+/// the motion that this excited doubled the cost of all later steps.
 const LARGEST_GAIN: f64 = 2e-2;
 /// Number of iterations from which on a step counts as hard to solve. Other steps are spared the energies.
 const HARD: u32 = 8;

@@ -42,7 +42,7 @@ fn anchor(stiffness: f64, node: u32) -> Box<dyn Potential> {
     Box::new(Term { name: "anchor", block: 3, nodes: vec![node], hessian: HessianKind::Constant, jet })
 }
 
-/// A body that flies asks for what it asks for at rest, and so does its reversed motion.
+/// A body that flies requires the same steps as at rest, and so does its reversed motion.
 #[test]
 fn a_flight_changes_no_frequency() {
     let chain = SpringChain::unit(7);
@@ -79,7 +79,7 @@ fn each_body_may_have_a_flight_of_its_own() {
     }
 }
 
-/// A uniform flight asks for no step, also after steps whose equations were solved to round-off.
+/// A uniform flight requires no step, also after steps whose equations were solved to round-off.
 #[test]
 fn a_flight_alone_has_no_frequency() {
     let chain = SpringChain::unit(7);
@@ -125,7 +125,7 @@ impl Path for Carriage {
     }
 }
 
-/// A body on a support that moves uniformly asks for what it asks for on a support at rest.
+/// A body on a support that moves uniformly requires the same steps as on a support at rest.
 #[test]
 fn a_moving_support_carries_its_body() {
     let chain = SpringChain::unit(5);

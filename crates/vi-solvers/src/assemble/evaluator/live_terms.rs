@@ -347,14 +347,14 @@ impl Evaluator {
         self.assembler.live().and_then(|live| live.take_smallest_gap()).unwrap_or(f64::INFINITY)
     }
 
-    /// Marks what live terms remember.
+    /// Keeps a copy of the memory of live terms, for [`Evaluator::return_to_mark`].
     pub(crate) fn mark(&mut self) {
         if let Some(live) = self.assembler.live() {
             live.mark();
         }
     }
 
-    /// Takes back what live terms remember since the last mark.
+    /// Restores the memory of live terms at the last [`Evaluator::mark`].
     pub(crate) fn return_to_mark(&mut self) {
         if let Some(live) = self.assembler.live() {
             live.return_to_mark();

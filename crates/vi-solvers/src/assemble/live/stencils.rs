@@ -78,7 +78,7 @@ impl LiveSum {
     }
 
     /// Returns whether the stencils are valid at the places `x` of nodes.
-    fn serves(&self, x: &[f64]) -> bool {
+    fn is_valid_at(&self, x: &[f64]) -> bool {
         match &self.tube {
             Some(tube) => tube.contains(x),
             None => self.state.region.is_near(x),
@@ -91,7 +91,7 @@ impl LiveSum {
         let coordinates = self.terms.coordinates();
         let x = coordinates.places(x);
         let others: Vec<Cow<'_, [f64]>> = others.into_iter().map(|x| coordinates.places(x)).collect();
-        if self.serves(&x) && others.iter().all(|x| self.serves(x)) {
+        if self.is_valid_at(&x) && others.iter().all(|x| self.is_valid_at(x)) {
             return;
         }
         if let Some(region) = Region::around(&x, others.iter().map(|x| &**x), self.shortest_reach()) {
@@ -105,7 +105,7 @@ impl LiveSum {
     pub(crate) fn follow_flight(&mut self, x: &[f64], next: &[f64]) {
         let [x, next] = [x, next].map(|x| self.terms.coordinates().places(x));
         let length = distance(&x, &next);
-        if length == 0.0 || (self.serves(&x) && self.serves(&next)) {
+        if length == 0.0 || (self.is_valid_at(&x) && self.is_valid_at(&next)) {
             return self.follow(&x, Some(&*next));
         }
         let steps = (2.0 * FAR * self.shortest_reach() / length).max(1.0);

@@ -95,7 +95,7 @@ impl ChosenSolver {
         let (matrices, solves) = (self.rivalry.matrices - 1, self.rivalry.solves);
         let costs = UnitCosts { factor: factor[0], solve: factor[1], ..self.costs };
         if matches!(self.path, Path::Gradients(_)) {
-            if self.rivalry.is_dearer([self.costs.factor, self.costs.solve]) {
+            if self.rivalry.is_more_expensive([self.costs.factor, self.costs.solve]) {
                 let [total, count] = self.iterations;
                 let mean = total as f64 / count as f64;
                 let why = format!(

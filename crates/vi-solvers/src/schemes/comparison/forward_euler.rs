@@ -57,7 +57,7 @@ impl ForwardEuler {
             // ΔT = Δp·(v₀ + v₁)/2 with Δp = −h ∂V/∂q.
             let (p0, p1) = (&state.p, &self.p);
             let mean_velocity = |k: usize| 0.5 * (p0[k] + p1[k]) / mass[k];
-            let paid = h * accounts::free_work(system, gradient, mean_velocity);
+            let work_of_forces = h * accounts::free_work(system, gradient, mean_velocity);
             if system.coordinates().is_moving() {
                 system.coordinates().embed_velocity(&self.p, state.t, &mut self.x_dot);
                 system.coordinates().to_own_axes(&mut self.x_dot);
@@ -66,7 +66,7 @@ impl ForwardEuler {
             let t = state.t + h;
             let (change, loads) = self.potential_energies.close(system, &mut self.evaluator, &self.q, t);
             energy.force = loads;
-            energy.scheme = change - loads - paid - energy.prescribed;
+            energy.scheme = change - loads - work_of_forces - energy.prescribed;
         }
         Ok(energy)
     }

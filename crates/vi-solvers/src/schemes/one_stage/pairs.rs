@@ -68,7 +68,7 @@ impl<R: Rule> StageEquations<'_, R> {
     }
 
     /// Shortens the way from the beginning of the step to the start of the iteration, node by node, until no pair meets on it.
-    pub(super) fn shorten_way(&mut self, evaluator: &mut Evaluator) {
+    pub(super) fn shorten_path(&mut self, evaluator: &mut Evaluator) {
         let Stage { offset, w, .. } = &*self.stage;
         let still: Vec<f64> = offset.iter().map(|offset| -offset).collect();
         let mut delta: Vec<f64> = offset.iter().zip(w).map(|(offset, w)| offset + w).collect();
@@ -248,7 +248,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
     }
 
     fn limit_start(&mut self, evaluator: &mut Evaluator) {
-        self.shorten_way(evaluator);
+        self.shorten_path(evaluator);
     }
 }
 

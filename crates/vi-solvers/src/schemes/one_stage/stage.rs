@@ -324,7 +324,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn shorten_start(&mut self, system: &System, evaluator: &mut Evaluator) {
         if system.coordinates().dof_count().is_multiple_of(3) && evaluator.has_live() {
-            return self.shorten_way(evaluator);
+            return self.shorten_path(evaluator);
         }
         // The path leads from the beginning of the step to the start of the iteration.
         let stage = &mut *self.stage;
