@@ -136,7 +136,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     .max(LEAST_BUDGET);
     let allowed = explicit_seconds.map_or(f64::INFINITY, |seconds| IMPLICIT_SHARE * seconds);
     let mut candidates = match scene.solver.mass {
-        // The scene asks for explicit steps.
+        // The scene requires explicit steps.
         Some(MassKind::Filtered) => Vec::new(),
         _ => search.implicit(allowed.min(search.left()))?,
     };
@@ -152,7 +152,7 @@ fn choose(scene: &Scene, watch: &mut dyn TrialWatch) -> Result<(Choice, AutoRepo
     if candidates.iter().any(|candidate| candidate.measured) {
         candidates.retain(|candidate| candidate.measured);
     }
-    candidates.sort_by(|a, b| a.price().total_cmp(&b.price()));
+    candidates.sort_by(|a, b| a.cost_with_doubt().total_cmp(&b.cost_with_doubt()));
     let Some(best) = candidates.first() else {
         let message = format!(
             "no scheme reached the relative error {tolerance:.1e} in its trials; choose scheme and step yourself"

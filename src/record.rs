@@ -12,9 +12,9 @@ use vi_solvers::{StepperMemory, Work};
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("byte {at}: {what}")]
 pub struct Damage {
-    /// Position in the record, from 0.
+    /// Position of the damage in the record, bytes from 0.
     pub at: usize,
-    /// The problem.
+    /// Description of the problem.
     pub what: String,
 }
 

@@ -25,7 +25,7 @@ pub(crate) fn run(
     hear: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
-    let armed = scene.armed(py, &raised)?;
+    let armed = scene.reporting_to(py, &raised)?;
     let source = scene.source.as_ref().map(|(path, keys)| (path.as_path(), keys.as_slice()));
     let result = supervise(py, &threads, &raised, hear, |mut link| {
         let armed = armed.interruptible(link.interrupt());
@@ -52,7 +52,7 @@ pub(crate) fn resume(
         }
     }
     let armed = match scene {
-        Some(scene) => scene.armed(py, &raised)?,
+        Some(scene) => scene.reporting_to(py, &raised)?,
         None => {
             let parsed = checkpoint.origin.read_scene().map_err(|error| errors::checkpoint(py, &error))?;
             match parsed.scene.filter(|_| parsed.problems.is_empty()) {

@@ -102,7 +102,7 @@ impl Scene {
 
 impl Scene {
     /// Returns the scene of the library. Its callables report exceptions to `raised`.
-    pub(crate) fn armed(&self, py: Python<'_>, raised: &Raised) -> PyResult<scene::Scene> {
+    pub(crate) fn reporting_to(&self, py: Python<'_>, raised: &Raised) -> PyResult<scene::Scene> {
         let mut scene = self.scene.clone();
         // A step that "auto" chooses is not known yet.
         let step =

@@ -165,7 +165,7 @@ impl Simulation {
         hear: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (threads, raised) = (Threads::new(threads)?, Raised::default());
-        let armed = scene.armed(py, &raised)?;
+        let armed = scene.reporting_to(py, &raised)?;
         let has_callables = !terms.is_empty() || !scene.motions(py).is_empty();
         let reported = raised.clone();
         let mut failure = None;

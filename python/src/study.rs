@@ -38,7 +38,7 @@ pub(crate) fn bench(
         return Err(errors::value(format!("budget must be positive (s), is {budget}")));
     }
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
-    let armed = scene.armed(py, &raised)?;
+    let armed = scene.reporting_to(py, &raised)?;
     let options = BenchOptions { name, budget: Duration::from_secs_f64(budget), accuracy, schemes };
     let result = supervise(py, &threads, &raised, hear, |mut link| {
         let armed = armed.interruptible(link.interrupt());
@@ -69,7 +69,7 @@ pub(crate) fn convergence(
         return Err(errors::value(format!("levels must be 2 to 6, is {levels}")));
     }
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
-    let armed = scene.armed(py, &raised)?;
+    let armed = scene.reporting_to(py, &raised)?;
     let options = ConvergenceOptions { name, levels, space, time, modes };
     let result = supervise(py, &threads, &raised, hear, |mut link| {
         let armed = armed.interruptible(link.interrupt());
@@ -96,7 +96,7 @@ pub(crate) fn modes<'py>(
     threads: Option<usize>,
 ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>, Vec<usize>, Vec<Shapes<'py>>)> {
     let (threads, raised) = (Threads::new(threads)?, Raised::default());
-    let armed = stand_in(&scene.armed(py, &raised)?);
+    let armed = stand_in(&scene.reporting_to(py, &raised)?);
     let mass = if lumped { MassKind::Lumped } else { MassKind::Consistent };
     let result = supervise(py, &threads, &raised, None, |link| -> Result<_, RunError> {
         let armed = armed.interruptible(link.interrupt());

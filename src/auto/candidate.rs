@@ -10,12 +10,12 @@ const DOUBT: f64 = 3.0;
 /// One way to reach the required error.
 #[derive(Debug, Clone, Serialize)]
 pub struct Candidate {
-    /// Scheme with its stages.
+    /// Name of the scheme, with the number of its stages if it has several.
     pub scheme: String,
-    /// The choice.
+    /// The scheme with its step, as a scene sets them.
     #[serde(skip)]
     pub choice: Choice,
-    /// Steps.
+    /// Number of steps from 0 to the end.
     pub steps: u64,
     /// Cost of a step, s of one core of the reference machine.
     pub seconds_per_step: f64,
@@ -40,8 +40,9 @@ impl Candidate {
         }
     }
 
-    /// Returns the value by which candidates are ordered.
-    pub(super) fn price(&self) -> f64 {
+    /// Returns the cost by which candidates are ordered, s: the predicted one, multiplied by [`DOUBT`] if the error is
+    /// extrapolated.
+    pub(super) fn cost_with_doubt(&self) -> f64 {
         self.predicted_seconds * if self.measured { 1.0 } else { DOUBT }
     }
 }

@@ -74,7 +74,7 @@ pub(super) struct Verlet {
     pub(super) stable: u64,
     /// Number of steps that it takes.
     pub(super) steps: u64,
-    /// Its cost, s.
+    /// Cost of these steps, s.
     pub(super) seconds: f64,
 }
 

@@ -17,7 +17,7 @@ use crate::simulation::Simulation;
 pub struct Choice {
     /// The scheme.
     pub scheme: SchemeName,
-    /// Stages of `gauss`.
+    /// Number of stages of `gauss`; `None` for other schemes.
     pub stages: Option<usize>,
     /// Number of steps from 0 to the end.
     pub steps: u64,
@@ -78,7 +78,7 @@ impl TrialWatch for () {}
 pub struct Trial {
     /// Free coordinates at the end, by component, m.
     pub end: Vec<Vec<f64>>,
-    /// State after half of its steps (rounded down).
+    /// Free coordinates after half of the steps (rounded down), by component, m.
     pub middle: Vec<Vec<f64>>,
     /// Run time of stepping, s.
     pub seconds: f64,

@@ -35,7 +35,7 @@ impl Stop {
     pub(super) fn on_signals() -> Self {
         let stop = Self::default();
         #[cfg(unix)]
-        if OWNS_PROCESS.get().is_some() && stop.listen_apart().is_ok() {
+        if OWNS_PROCESS.get().is_some() && stop.wait_in_own_thread().is_ok() {
             return stop;
         }
         for signal in signals() {
@@ -58,7 +58,7 @@ impl Stop {
     /// Blocks the signals in this thread and its descendants, and waits for them in a thread of its own. While METIS orders a
     /// matrix, it replaces the handler of SIGTERM by a jump within its own thread; in another thread, that jump crashes.
     #[cfg(unix)]
-    fn listen_apart(&self) -> std::io::Result<()> {
+    fn wait_in_own_thread(&self) -> std::io::Result<()> {
         let numbers = signals().into_iter().map(nix::sys::signal::Signal::try_from);
         let set: nix::sys::signal::SigSet = numbers.collect::<nix::Result<_>>()?;
         set.thread_block()?;

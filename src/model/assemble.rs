@@ -303,7 +303,7 @@ impl Parts {
         let before = self.problems.len();
         let mut all = Vec::with_capacity(rigids.len());
         // Nodal masses include the mass of the nodes tied to them.
-        let masses: Vec<Vec<f64>> = self.components.iter().map(ComponentBuilder::handed_on_mass).collect();
+        let masses: Vec<Vec<f64>> = self.components.iter().map(ComponentBuilder::distributed_mass).collect();
         for (index, ResolvedRigid { rigid, form, held }) in rigids.iter().enumerate() {
             let number = partition.of_rigid(index);
             let mut nodes: Vec<u32> = held

@@ -10,18 +10,18 @@ use crate::scene::{BodyId, Substance};
 /// Nodes of the mesh of one body.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeSet {
-    /// The body.
+    /// Number of the body.
     pub body: BodyId,
-    /// Nodes of its mesh.
+    /// Numbers of nodes of its mesh.
     pub nodes: Vec<u32>,
 }
 
 /// A node that stands for a point of a scene, such as a probe.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct ProbeTarget {
-    /// The body.
+    /// Number of the body.
     pub body: BodyId,
-    /// Node of its mesh.
+    /// Number of a node of its mesh.
     pub node: usize,
 }
 
@@ -32,7 +32,7 @@ pub struct MaterialPart {
     pub region: Option<String>,
     /// The law and its parameters.
     pub law: Substance,
-    /// Cells of the body's mesh.
+    /// Numbers of cells of the body's mesh.
     pub elements: Vec<u32>,
 }
 
@@ -53,7 +53,7 @@ pub struct BodyModel {
     pub texture: Option<Vec<[[f64; 2]; 3]>>,
     /// Materials, in the order of the scene.
     pub materials: Vec<MaterialPart>,
-    /// Number of its component.
+    /// Number of the component to which the body belongs.
     pub component: usize,
     /// Number of the body's first node in the component.
     pub node_offset: usize,

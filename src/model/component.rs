@@ -69,7 +69,7 @@ impl ComponentBuilder {
     }
 
     /// Returns the lumped mass per node, kg, with the mass of tied nodes distributed to the nodes that they follow.
-    pub(super) fn handed_on_mass(&self) -> Vec<f64> {
+    pub(super) fn distributed_mass(&self) -> Vec<f64> {
         let mut mass = self.mass.clone();
         if !self.ties.is_empty() {
             vi_core::redistribute_lumped_mass(&ties::combinations(&self.ties, |_| false), &mut mass);

@@ -16,11 +16,11 @@ use crate::scene::{Body, BodyId, MOST_REFINED, MaterialEntry, Problem, Refine, R
 /// What a process reads of the bodies.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Reading {
-    /// Everything.
+    /// All nodes and elements.
     Whole,
     /// The part that this process needs.
     Part(Share),
-    /// Everything but the elements.
+    /// All nodes, without elements.
     Nodes,
 }
 

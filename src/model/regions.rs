@@ -9,7 +9,7 @@ use crate::scene::{BodyId, Probe, Quantity, Statistic};
 /// A probe over a part of a body.
 #[derive(Debug, Clone)]
 pub struct RegionProbe {
-    /// The body.
+    /// Number of the body.
     pub body: BodyId,
     /// Requested quantities.
     pub quantities: Vec<(Statistic, Quantity)>,

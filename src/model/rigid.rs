@@ -20,7 +20,7 @@ use crate::scene::{Joint, Rigid, RigidShape};
 pub struct RigidModel {
     /// Name of the body.
     pub name: String,
-    /// Number of its component.
+    /// Number of the component to which the body belongs.
     pub component: usize,
     /// Number of node c in the component; d₁, d₂, d₃ follow.
     pub node: usize,

@@ -105,7 +105,8 @@ pub struct Checkpoint {
     /// Bytes of history.csv at this point.
     pub(crate) history_bytes: u64,
     pub(crate) observers: Snapshots,
-    /// What the energy guard can go back to: an extra checkpoint between two regular ones must not change where that is.
+    /// The last state to which the energy guard can go back. It is stored, because an extra checkpoint between two regular ones
+    /// must not change it.
     pub(crate) good: Option<(Snapshot, Snapshots)>,
     /// Notes made during the run, e.g. on limit points.
     pub(crate) findings: Vec<String>,

@@ -25,7 +25,7 @@ const SHARED: [&str; 3] = ["history.csv", "report.json", "energy.svg"];
 /// cannot be moved or removed.
 pub(super) fn prepare(directory: &Path, name: &str, scene: &Scene) -> Result<(), RunError> {
     refuse_inputs(directory, name, scene)?;
-    set_aside_others(directory, name)?;
+    rename_results_of_others(directory, name)?;
     for path in own_files(directory, name, scene)? {
         fs::remove_file(&path).map_err(RunError::output(&path))?;
     }
@@ -88,7 +88,7 @@ fn is_own(file: &str, name: &str) -> bool {
 }
 
 /// Renames the history and the report of another scene's run: puts the name of that scene in front.
-fn set_aside_others(directory: &Path, name: &str) -> Result<(), RunError> {
+fn rename_results_of_others(directory: &Path, name: &str) -> Result<(), RunError> {
     let Some((other, is_done)) = last_run(directory).filter(|(other, _)| other != name) else {
         return Ok(());
     };

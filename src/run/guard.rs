@@ -127,8 +127,8 @@ impl EnergyGuard {
         kinetic.is_nan() || kinetic > SUSPICIOUS * self.growth.exchange
     }
 
-    /// Returns whether the guard must observe after this step because it was divided: then energy may grow by many times the
-    /// exchange within a few steps, at the highest price.
+    /// Returns whether the guard must observe after this step because it was divided: then energy may grow by many
+    /// times the exchange within a few steps, which are the most expensive ones.
     pub(crate) fn doubts(&self, stepped: &Stepped) -> bool {
         self.watching.rule.acts() && stepped.substeps > 0
     }

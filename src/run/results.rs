@@ -28,9 +28,9 @@ pub struct Results {
 /// The largest value of a field, and its place.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Peak {
-    /// The value.
+    /// The largest value, in the SI unit of the field.
     pub value: f64,
-    /// The body.
+    /// Name of the body.
     pub body: String,
     /// Node of its mesh, from 0, for a field of nodes.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -47,16 +47,16 @@ pub struct Peak {
 /// fixed or moved: its support balances the forces of attached nodes and of contact.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Reaction {
-    /// The body.
+    /// Name of the body.
     pub body: String,
     /// The region, if the fix names one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub region: Option<String>,
-    /// Number of its nodes; 0 for a rigid body.
+    /// Number of nodes of the fix; 0 for a rigid body.
     pub nodes: usize,
     /// Mean of the current positions of its nodes, or the centre of the rigid body, m.
     pub centroid: [f64; 3],
-    /// Σ r, N: the force of the support on the body.
+    /// Σ r, N: the force of the support on the body, where r is the reaction at a node at x.
     pub force: [f64; 3],
     /// Σ (x − centroid) × r, plus the couples at edges whose normals the fix holds, N m.
     pub moment: [f64; 3],

@@ -128,8 +128,8 @@ impl Run {
         let is_auto = !auto.is_null();
         let mut report = Report::new(&simulation, auto, name, &stability);
         report.notes.extend(frames.iter().flat_map(|frames| frames.notes(&simulation)));
-        let unasked = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::unasked() };
-        let mut rule = scene.guard.unwrap_or(unasked);
+        let default_guard = if is_auto { Guard::new(GuardAction::Halve) } else { Guard::without_table() };
+        let mut rule = scene.guard.unwrap_or(default_guard);
         let method = simulation.method().facts();
         let has_explicit_contact = simulation.has_explicit_contact();
         let stride = match (scene.guard.is_some(), is_auto, method.is_explicit) {

@@ -65,7 +65,7 @@ type Table = serde_json::Map<String, serde_json::Value>;
 
 /// Returns whether a table describes a sheet's material. Keys and laws that only sheets have count too, so that a
 /// missing `thickness` is reported.
-fn says_sheet(table: &Table) -> bool {
+fn describes_sheet(table: &Table) -> bool {
     let law = table.get("law").and_then(serde_json::Value::as_str);
     ["thickness", "area_density", "bending", "tension_field"].iter().any(|key| table.contains_key(*key))
         || law.is_some_and(|law| SheetLaw::NAMES.contains(&law) && !Law::NAMES.contains(&law))
@@ -99,7 +99,7 @@ impl<'de> Deserialize<'de> for MaterialEntry {
             Some(serde_json::Value::String(name)) => Some(name),
             Some(other) => return Err(D::Error::custom(format!("region: expected a string, found {other}"))),
         };
-        let is_sheet = says_sheet(&table);
+        let is_sheet = describes_sheet(&table);
         let table = serde_json::Value::Object(table);
         let law = if is_sheet {
             SheetLaw::deserialize(table).map(Substance::Sheet)

@@ -65,7 +65,7 @@ impl Guard {
     }
 
     /// Returns the guard of a scene without the table `[guard]`: beyond this growth the state means nothing.
-    pub(crate) fn unasked() -> Self {
+    pub(crate) fn without_table() -> Self {
         Self { action: GuardAction::Halve, bound: 1.0 }
     }
 

@@ -1,5 +1,6 @@
-//! Steps that follow the motion, by a symmetric rule. The run is divided into equal intervals of length H. In each interval
-//! a component makes n equal steps, with n from the density of steps Q (1/s) that the states at both ends ask for:
+//! Steps that follow the motion, by a symmetric rule. The run is divided into equal intervals of length H. In each
+//! interval a component makes n equal steps, with n from the density of steps Q (1/s) that the states at both ends
+//! require:
 //! ```text
 //! n ≥ H · ½ (Q(z₀) + Q(z₁)),   rounded up to 1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 14, 17, 20, 24 …
 //! ```
@@ -24,7 +25,7 @@ use crate::scene::Time;
 
 /// Fraction of the stability limit that explicit steps use; the limit is known at the ends of an interval alone.
 const SHARE: f64 = 0.8;
-/// Largest number of times that an interval is made again because its end asks for another number of steps.
+/// Largest number of times that an interval is made again because its end requires another number of steps.
 const REPEATS: usize = 3;
 /// Largest number of such repetitions for rigid bodies, whose motion may differ from the one that was computed with too
 /// few steps.
@@ -44,7 +45,7 @@ pub struct AdaptiveCounts {
     pub fewest: u64,
     /// Most steps in an interval.
     pub most: u64,
-    /// Intervals that were made again, because their end asked for another number of steps.
+    /// Intervals that were made again, because their end required another number of steps.
     pub repeated: u64,
 }
 
@@ -120,7 +121,7 @@ impl Adaptive {
         self.method.facts().stability_limit.map(|limit| SHARE * limit)
     }
 
-    /// Returns the density of steps that a state asks for, 1/s.
+    /// Returns the density of steps that a state requires, 1/s.
     fn density(&self, demand: &mut StepDemand, system: &System, state: &State) -> Result<f64, SolverError> {
         if let Some((known, density)) = &demand.last
             && known == state
@@ -142,15 +143,15 @@ impl Adaptive {
         Ok(density)
     }
 
-    /// Returns the density of steps that the functions of time ask for between two times (s), 1/s. At their kinks no scheme has an order
-    /// above 2.
+    /// Returns the density of steps that the functions of time require between two times (s), 1/s. At their kinks no
+    /// scheme has an order above 2.
     fn density_of_driven(&self, demand: &StepDemand, from: f64, to: f64) -> f64 {
         let rates = demand.driven.rates(from, to);
         (rates.smooth / self.accuracy).max(rates.kinked / self.accuracy_at_kinks)
     }
 
-    /// Advances a component by an interval of length h (s) to the time `end`, with `cut.parts` times as many steps as the
-    /// rule asks for.
+    /// Advances a component by an interval of length h (s) to the time `end`, with `cut.parts` times as many steps as
+    /// the rule requires.
     ///
     /// # Errors
     /// Returns the error of the first step that failed; the state is then unchanged.
@@ -216,7 +217,8 @@ impl Adaptive {
                 wanted = wanted.max(level(2.0 * number as f64));
             }
             let is_final = !self.is_symmetric || wanted == number || tried.len() > repeats;
-            // Of two numbers that ask for each other, the larger one is taken from either end.
+            // If each of two numbers of steps leads to an end that requires the other, the larger one is taken from
+            // either end.
             if is_final || (tried.contains(&wanted) && wanted < number) {
                 (counts.steps, counts.fewest, counts.most) = (made, made, made);
                 // `Simulation::halve` divides each of the `number` equal steps, of which this is the longest part.

@@ -127,14 +127,14 @@ impl Simulation {
     fn see_contact(&mut self, energy: &vi_core::StepEnergy) {
         self.contact.friction += energy.friction;
         self.contact.damping += energy.contact_damping;
-        let asks_for_forces = self.scene.probes.iter().any(|probe| probe.between.is_some());
+        let needs_forces = self.scene.probes.iter().any(|probe| probe.between.is_some());
         let mut facts = ContactFacts::default();
         for component in &mut self.components {
             let Component { system, state, stepper, contact, .. } = component;
             if let (Some(contact), Some(stepper)) = (contact, stepper) {
                 match stepper.take_impulses() {
                     Some(impulses) => contact.enter(impulses, self.h),
-                    None if asks_for_forces => contact.enter_forces_at(&system.positions(state)),
+                    None if needs_forces => contact.enter_forces_at(&system.positions(state)),
                     None => {}
                 }
                 // Only a scheme that does not act by discrete gradients leaves the gap to be measured.

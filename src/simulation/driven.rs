@@ -40,8 +40,9 @@ pub(super) struct Driven(Vec<Driver>);
 /// Rates of change of the functions of time in an interval, rad/s.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Rates {
+    /// Rate of change away from kinks.
     pub(super) smooth: f64,
-    /// At kinks.
+    /// Rate of change at kinks, where no scheme has an order above 2.
     pub(super) kinked: f64,
 }
 
@@ -122,8 +123,8 @@ mod tests {
         driven(Amplitude::expression(text).unwrap())
     }
 
-    /// A vibration asks for its own frequency, whatever its size and phase and wherever the interval is, and runs of the interval
-    /// in both directions are the same.
+    /// The rate of a vibration is its own frequency, whatever its size and phase and wherever the interval is, and runs
+    /// of the interval in both directions are the same.
     #[test]
     fn a_vibration_has_its_frequency() {
         for text in ["cos(60*t)", "7e5*sin(60*t+1)", "sin(60*t)"] {

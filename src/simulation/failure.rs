@@ -135,7 +135,7 @@ impl Simulation {
         }
         let dissipates = self.scene.contact.as_ref().is_some_and(|contact| contact.damping > 0.0);
         if !dissipates && self.scene.statics.is_none() {
-            ways.push("damp the blow (`contact.damping`, s)".to_owned());
+            ways.push("damp the impact (`contact.damping`, s)".to_owned());
         }
         ways.push(match first == second {
             true => "switch self-contact off (`contact.self = false`)".to_owned(),

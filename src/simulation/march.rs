@@ -71,7 +71,7 @@ const DEAR: u64 = 2;
 
 /// Returns whether shorter substeps may cost less than a substep with this report. The factors of contact depend on the
 /// pairs that meet rather than on the length of the step.
-fn is_dear(report: &StepReport) -> bool {
+fn is_expensive(report: &StepReport) -> bool {
     let work = &report.work;
     work.descents > 0 || (work.factorizations_slow >= DEAR && work.pair_forces == 0)
 }
@@ -132,7 +132,7 @@ pub(crate) fn march(
                     0 => 0.0,
                     _ => stepper.stepper.unit_costs(system).seconds(&report.work),
                 };
-                next.succeed(at, largest, is_dear(&report), cost);
+                next.succeed(at, largest, is_expensive(&report), cost);
             }
             Err(error) if cut.further && error.smaller_step_may_help() && next.fail(smallest) => {}
             Err(error) => {

@@ -11,7 +11,7 @@ use crate::record::record;
 
 /// Number of substeps of a step at the smallest length: 2¹⁴.
 pub(crate) const FLOOR: u32 = 1 << 14;
-/// The smallest length without contact, h/1024, in h/2¹⁴. Bodies in contact may need shorter substeps: a gap that a hard blow leaves
+/// The smallest length without contact, h/1024, in h/2¹⁴. Bodies in contact may need shorter substeps: a gap that a hard impact leaves
 /// bounds how far bodies may then turn or slide in a substep. Scenes 172 and 244 of `stress --contact --seed 1` failed at h/1024,
 /// and run to their end in 1.2 and 2.1 s; 244 takes substeps of h/2¹⁴.
 pub(crate) const SMALLEST_APART: u32 = FLOOR / 1024;
@@ -135,9 +135,9 @@ impl Pace {
         }
     }
 
-    /// Records a completed substep of this cost that ends at `end` of its step. If it `is_dear`, shorter substeps may be
+    /// Records a completed substep of this cost that ends at `end` of its step. If it `is_expensive`, shorter substeps may be
     /// cheaper.
-    pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_dear: bool, cost: f64) {
+    pub(crate) fn succeed(&mut self, end: u32, largest: u32, is_expensive: bool, cost: f64) {
         self.count += 1;
         self.cost += cost;
         self.last = self.size;
@@ -150,7 +150,7 @@ impl Pace {
                 self.cost *= 0.5;
                 self.count /= 2;
             }
-            if is_dear && self.size > u64::from(SMALLEST_APART) && self.since >= self.shorter {
+            if is_expensive && self.size > u64::from(SMALLEST_APART) && self.since >= self.shorter {
                 self.try_length(self.size / 2);
                 return;
             }
@@ -184,19 +184,20 @@ impl Pace {
 
     /// Keeps the length of a trial if it is cheaper than the original one; otherwise returns to that.
     fn judge(&mut self) {
-        let pays = self.rate() < self.origin_rate;
+        let is_cheaper = self.rate() < self.origin_rate;
         let patience = if self.size > self.origin {
             self.assign_patience();
             &mut self.longer
         } else {
             &mut self.shorter
         };
-        *patience = if pays { (*patience / 2).max(PATIENCE[0]) } else { (2 * *patience).min(PATIENCE[1]) };
+        *patience =
+            if is_cheaper { (*patience / 2).max(PATIENCE[0]) } else { (2 * *patience).min(PATIENCE[1]) };
         let origin = std::mem::take(&mut self.origin);
         self.since = 0;
-        if !pays && origin < self.size {
+        if !is_cheaper && origin < self.size {
             self.change(origin);
-        } else if !pays {
+        } else if !is_cheaper {
             self.goal = origin;
         }
     }

@@ -13,8 +13,8 @@ const TRIANGLES: usize = 1_000_000;
 const NAMED: usize = 8;
 
 impl Simulation {
-    /// Adds notes on rigid bodies with prescribed motion that cross. Those that cross at the start are parts of one obstacle and may
-    /// cross from then on, unless `contact.resolve` asks for a start at which nothing crosses.
+    /// Adds notes on rigid bodies with prescribed motion that cross. Those that cross at the start are parts of one
+    /// obstacle and may cross from then on, unless `contact.resolve` requires a start at which nothing crosses.
     pub(super) fn note_passing(&mut self) {
         let Some(resolves) = self.scene.contact.as_ref().map(|contact| contact.resolve) else { return };
         let first = self.bodies.len();

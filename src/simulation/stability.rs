@@ -31,7 +31,7 @@ impl StabilityNote {
         is_near.then(|| {
             format!(
                 "the step {:.3e} s was {share:.2} of the stability limit that {} had at the start; the limit falls as \
-                 bodies deform, and above it a run blows up: try a step of {:.3e} s, or an implicit scheme",
+                 bodies deform, and above it a run is unstable: try a step of {:.3e} s, or an implicit scheme",
                 self.step,
                 self.method.name(),
                 0.8 * self.step
@@ -55,7 +55,7 @@ impl StabilityNote {
         } else {
             format!(
                 "the step {h:.3e} s is above the stability limit {limit:.3e} s of {name} (highest frequency {:.4e} rad/s{damping}): \
-                 the run will blow up; use a step of {:.3e} s or an implicit scheme",
+                 the run will become unstable; use a step of {:.3e} s or an implicit scheme",
                 self.highest_frequency,
                 0.9 * limit
             )
@@ -96,7 +96,7 @@ pub fn warning(found: &Result<Option<StabilityNote>, SolverError>, method: Metho
     }
 }
 
-/// What limits the explicit steps of a component.
+/// The rates that limit the explicit steps of a component.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rates {
     /// Highest angular frequency, rad/s.

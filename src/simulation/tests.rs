@@ -98,7 +98,7 @@ fn stretched(scheme: SchemeName, end: f64, interval: f64, tolerance: f64) -> Sim
     Simulation::new(scene).unwrap()
 }
 
-/// A run with adaptive steps runs back to its start: a reversed motion asks for the same numbers of steps.
+/// A run with adaptive steps runs back to its start: a reversed motion requires the same numbers of steps.
 #[test]
 fn adaptive_steps_run_back_to_their_start() {
     for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint, SchemeName::EnergyMomentum] {
@@ -134,8 +134,8 @@ fn shaken(acceleration: f64, t0: f64, end: f64, tolerance: f64) -> Simulation {
     Simulation::new(scene).unwrap()
 }
 
-/// Weight that changes with time asks for steps although the body only flies: the error of u = a₀ (1 − cos ωt)/ω² falls with the
-/// tolerance, which is that per radian.
+/// Weight that changes with time requires steps although the body only flies: the error of u = a₀ (1 − cos ωt)/ω² falls
+/// with the tolerance, which is that per radian.
 #[test]
 fn adaptive_steps_follow_weight_that_changes_with_time() {
     for tolerance in [1e-2, 1e-3, 1e-4] {
@@ -171,8 +171,8 @@ fn adaptive_steps_with_weight_that_changes_run_back_to_their_start() {
     assert!(off < 1e-10, "off by {off:e} m with {counts:?}");
 }
 
-/// A cube that drag stops comes as far as v₀ (1 − exp(−αt))/α, to a few times the tolerance, at any accuracy of the solver. Afterwards
-/// round-off asks for nothing.
+/// A cube that drag stops comes as far as v₀ (1 − exp(−αt))/α, to a few times the tolerance, at any accuracy of the
+/// solver. Afterwards round-off requires no steps.
 #[test]
 fn adaptive_steps_follow_drag() {
     for accuracy in [Solver::default().tolerance, 1e-10] {

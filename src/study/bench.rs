@@ -263,7 +263,7 @@ pub enum BenchError {
         /// The known names.
         known: String,
     },
-    /// The scene asks for equilibria.
+    /// The scene requests equilibria instead of a motion.
     #[error(
         "a scene with [static] has no scheme and no time step to compare; remove [static] to compare those of its motion"
     )]

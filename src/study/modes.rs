@@ -120,7 +120,7 @@ pub fn write_modes(
         return Err(RunError::Scene(problems));
     }
     let frames = FrameWriter::create(directory, "modes", &simulation, Schedule::Interval(1.0))?;
-    set_aside_others(directory, name).map_err(output(directory))?;
+    rename_results_of_others(directory, name).map_err(output(directory))?;
     let mut series = PvdSeries::new(&directory.join(format!("{name}_modes.pvd")));
     for (number, (found, facts)) in found.modes.iter().zip(&report.modes).enumerate() {
         let file = shape_file(number);
@@ -192,7 +192,7 @@ fn shape(simulation: &Simulation, SceneMode { component, mode }: &SceneMode) -> 
 }
 
 /// Renames the tables of another scene's modes after that scene.
-fn set_aside_others(directory: &Path, name: &str) -> std::io::Result<()> {
+fn rename_results_of_others(directory: &Path, name: &str) -> std::io::Result<()> {
     let table = std::fs::read(directory.join("modes.json")).ok();
     let table = table.and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok());
     let other = table.and_then(|table| Some(table["provenance"]["scene"].as_str()?.to_owned()));

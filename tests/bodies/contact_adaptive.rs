@@ -1,11 +1,11 @@
-//! Tests steps that follow the motion of bodies in contact. Intervals are made again when their ends ask for another number of steps, and
-//! nothing of the first attempt may remain in the friction, the forces or the ledger.
+//! Tests steps that follow the motion of bodies in contact. Intervals are made again when their ends require another
+//! number of steps, and nothing of the first attempt may remain in the friction, the forces or the ledger.
 
 use crate::contact::assert_same_bits;
 use crate::program::Program;
 
 /// A soft block that turns falls on a floor, where it bounces, slides and shivers.
-fn blow(scheme: &str, friction: f64) -> String {
+fn impact(scheme: &str, friction: f64) -> String {
     format!(
         r#"
 gravity = [0.0, 0.0, -9.81]
@@ -42,11 +42,12 @@ smallest_gap = 1e-9
     )
 }
 
-/// The impulse of the floor is what momentum and weight ask for, the ledger is complete, and friction only takes energy.
+/// The impulse of the floor balances the change of momentum and the impulse of weight, the ledger is complete, and
+/// friction only takes energy.
 #[test]
 fn repeated_intervals_leave_no_trace() {
     for (scheme, lost) in [("energy-momentum", 1e-6), ("implicit-midpoint", 5e-2), ("backward-euler", 1.0)] {
-        let program = Program::run(&blow(scheme, 0.4));
+        let program = Program::run(&impact(scheme, 0.4));
         let report = program.report();
         let adaptive = &report["adaptive"];
         let count = |name: &str| adaptive[name].as_u64().unwrap();
@@ -77,6 +78,6 @@ fn repeated_intervals_leave_no_trace() {
 #[test]
 fn runs_are_the_same_on_any_threads_and_after_a_resume() {
     for scheme in ["energy-momentum", "backward-euler"] {
-        assert_same_bits(scheme, &blow(scheme, 0.4), 0.03, 2);
+        assert_same_bits(scheme, &impact(scheme, 0.4), 0.03, 2);
     }
 }

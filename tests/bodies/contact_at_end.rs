@@ -179,7 +179,7 @@ fn newmark_starts_with_the_friction_of_its_velocity() {
 /// The probe of the contact force in a step that was cut is the force at its end, as in a run that takes the parts as its steps.
 #[test]
 fn the_probe_in_a_step_that_was_cut_is_the_force_at_its_end() {
-    let blow = |step: f64| {
+    let impact = |step: f64| {
         let scene = slope("newmark", 0.0, 0.3, 0.02, "friction = 0.1\nstiffness = 1e6")
             .replace("size = [0.1, 0.1, 0.04]", "size = [0.2, 0.2, 0.1]")
             .replace("origin = [0.0, 0.0, 1e-5]", "origin = [0.0, 0.0, 3e-3]")
@@ -188,8 +188,8 @@ fn the_probe_in_a_step_that_was_cut_is_the_force_at_its_end() {
         let probe = "[[probe]]\nname = \"f\"\nbetween = [\"block\", \"floor\"]\nsum = \"contact_force\"\n";
         Program::run(&format!("{scene}{probe}")).history()
     };
-    let cut = blow(2e-3);
-    let whole = blow(5e-4);
+    let cut = impact(2e-3);
+    let whole = impact(5e-4);
     assert!(cut.column("substeps")[1..].iter().all(|&parts| parts == 4.0), "{:?}", cut.column("substeps"));
     let (cut, whole) = (cut.column("f.fz"), whole.column("f.fz"));
     let largest = whole.iter().copied().fold(0.0, f64::max);

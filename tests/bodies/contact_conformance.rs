@@ -8,7 +8,7 @@ use crate::program::Program;
 
 /// A scheme with the largest relative error of energy that is accepted, its step, and whether it takes free rigid bodies. The error
 /// is round-off of the solves with `energy-momentum`, and the band of the scheme for the others. Schemes for comparison have no
-/// band: `backward-euler` loses energy in a blow, and a run by `bdf2` may gain some in one of few steps, and then says so.
+/// band: `backward-euler` loses energy in an impact, and a run by `bdf2` may gain some in one of few steps, and then says so.
 const SCHEMES: [(&str, Option<f64>, &str, bool); 7] = [
     ("energy-momentum", Some(1e-8), "1e-3", true),
     ("implicit-midpoint", Some(5e-2), "1e-3", true),

@@ -1,9 +1,9 @@
-//! Tests Coulomb's law of friction for the impulses of a blow.
+//! Tests Coulomb's law of friction for the impulses of an impact.
 
 use crate::program::Program;
 
 /// Returns a body that hits a half-space at 1 m/s down and slides over it at 3 m/s.
-fn blow(body: &str, scheme: &str, damping: f64, step: f64) -> String {
+fn impact(body: &str, scheme: &str, damping: f64, step: f64) -> String {
     format!(
         r#"
 [time]
@@ -64,7 +64,7 @@ fn the_impulse_of_sliding_is_that_of_the_normal_force_times_the_friction() {
     ] {
         for &scheme in schemes {
             for damping in [0.0, 1e-3, 1e-2] {
-                let program = Program::run(&blow(body, scheme, damping, 1e-3));
+                let program = Program::run(&impact(body, scheme, damping, 1e-3));
                 let history = program.history();
                 let change = |name: &str| {
                     let values = history.column(name);
@@ -88,7 +88,7 @@ fn the_impulse_of_sliding_is_that_of_the_normal_force_times_the_friction() {
 #[test]
 fn friction_of_a_blow_stops_slow_sliding() {
     for scheme in ["energy-momentum", "backward-euler"] {
-        let scene = blow(PLATE, scheme, 1e-2, 1e-3)
+        let scene = impact(PLATE, scheme, 1e-2, 1e-3)
             .replace("velocity = [3.0, 0.0, -1.0]", "velocity = [0.01, 0.0, -1.0]");
         let history = Program::run(&scene).history();
         let px = history.column("px");

@@ -110,7 +110,7 @@ fn a_note_tells_where_prescribed_bodies_pass() {
     assert!(!notes.contains("cross at t"), "{notes}");
 }
 
-/// Parts of one obstacle may overlap, which a note says; `resolve` asks for a start at which nothing does.
+/// Parts of one obstacle may overlap, which a note says; `resolve` requires a start at which nothing overlaps.
 #[test]
 fn prescribed_bodies_that_cross_at_the_start_are_named() {
     let assert = "[assert]\nintersections = 0\nsmallest_gap = 1e-9\n";

@@ -1,10 +1,10 @@
-//! Tests the schemes of high order, whose steps must resolve contact: they keep the energy of a blow far better than a
+//! Tests the schemes of high order, whose steps must resolve contact: they keep the energy of an impact far better than a
 //! scheme of order two, and a step that is too long for them fails by name.
 
 use crate::contact::{assert_same_bits, block};
 use crate::program::Program;
 
-/// The schemes as they are written in a scene, with a step that resolves the blow of the block.
+/// The schemes as they are written in a scene, with a step that resolves the impact of the block.
 const SCHEMES: [(&str, f64); 4] = [
     ("blanes-moan-4", 4e-4),
     ("blanes-moan-6", 4e-4),
@@ -13,7 +13,7 @@ const SCHEMES: [(&str, f64); 4] = [
 ];
 
 /// Describes the block with its first impact and rebound.
-fn blow(scheme: &str, step: f64, contact: &str) -> String {
+fn impact(scheme: &str, step: f64, contact: &str) -> String {
     block(scheme, contact)
         .replace("step = 1e-3", &format!("step = {step:e}"))
         .replace("end = 0.3", "end = 0.2")
@@ -29,9 +29,9 @@ fn energy_error(program: &Program) -> f64 {
 
 #[test]
 fn a_resolved_blow_keeps_its_energy_and_its_account_closes() {
-    let second_order = energy_error(&Program::run(&blow("stormer-verlet", 4e-4, "")));
+    let second_order = energy_error(&Program::run(&impact("stormer-verlet", 4e-4, "")));
     for (scheme, step) in SCHEMES {
-        let program = Program::run(&blow(scheme, step, ""));
+        let program = Program::run(&impact(scheme, step, ""));
         let history = program.history();
         assert!(history.column("pairs").iter().any(|&pairs| pairs > 0.0), "{scheme}");
         assert!(history.column("smallest_gap").iter().all(|&gap| gap > 0.0), "{scheme}");
@@ -40,7 +40,7 @@ fn a_resolved_blow_keeps_its_energy_and_its_account_closes() {
         let unexplained = program.report()["energy"]["unexplained"].as_f64().unwrap();
         assert!(unexplained.abs() < 1e-9, "{scheme}: {unexplained:e}");
         // The layer has no third derivative at its edge, so that the error decreases at least with order two.
-        let finer = energy_error(&Program::run(&blow(scheme, 0.25 * step, "")));
+        let finer = energy_error(&Program::run(&impact(scheme, 0.25 * step, "")));
         assert!(finer < error / 16.0 || finer < 1e-10, "{scheme}: {error:e} {finer:e}");
     }
 }
@@ -51,7 +51,7 @@ fn a_resolved_blow_keeps_its_energy_and_its_account_closes() {
 fn the_probe_of_contact_force_gives_the_change_of_momentum() {
     let probe = "[[probe]]\nname = \"f\"\nbetween = [\"block\", \"floor\"]\nsum = \"contact_force\"\n";
     let thrown = |scheme: &str, step: f64, contact: &str| {
-        blow(scheme, step, contact)
+        impact(scheme, step, contact)
             .replace("-9.81", "0.0")
             .replace("end = 0.2", "end = 0.08")
             .replace("tolerance = 1e-8", "tolerance = 1e-12")
@@ -83,13 +83,13 @@ fn the_probe_of_contact_force_gives_the_change_of_momentum() {
 #[test]
 fn a_resolved_run_is_the_same_on_any_threads_and_after_a_resume() {
     for (scheme, step) in [SCHEMES[1], SCHEMES[2]] {
-        assert_same_bits(scheme, &blow(scheme, step, ""), 0.04, 3);
+        assert_same_bits(scheme, &impact(scheme, step, ""), 0.04, 3);
     }
 }
 
 #[test]
 fn a_step_that_is_too_long_for_contact_fails_with_one_that_is_not() {
-    let hard = |step: f64| blow("blanes-moan-4", step, "stiffness = 1e9\n");
+    let hard = |step: f64| impact("blanes-moan-4", step, "stiffness = 1e9\n");
     let program = Program::check(&hard(2e-3));
     let output = crate::program::command()
         .current_dir(program.directory())
@@ -102,7 +102,7 @@ fn a_step_that_is_too_long_for_contact_fails_with_one_that_is_not() {
         assert!(said.contains(word), "{word}: {said}");
     }
     // Implicit steps are cut until their parts resolve contact.
-    let cut = Program::run(&blow(SCHEMES[2].0, 2e-3, "stiffness = 1e8\n"));
+    let cut = Program::run(&impact(SCHEMES[2].0, 2e-3, "stiffness = 1e8\n"));
     assert!(
         cut.report()["substeps"]["steps_cut"].as_u64().is_some_and(|steps| steps > 0),
         "{}",
@@ -151,7 +151,7 @@ fixed = true
 #[test]
 fn friction_is_refused_by_schemes_without_it() {
     for (scheme, step) in SCHEMES {
-        let program = Program::check(&blow(scheme, step, "friction = 0.3\n"));
+        let program = Program::check(&impact(scheme, step, "friction = 0.3\n"));
         let said = program.errors() + &String::from_utf8_lossy(&program.output.stdout);
         assert_eq!(program.code(), Some(2), "{said}");
         for word in ["friction", "energy-momentum", "backward-euler", "bdf2", "newmark"] {

@@ -70,7 +70,7 @@ fn the_default_stiffness_follows_the_scene() {
 }
 
 /// A ball, a cylinder and a box that hit a floor and each other, with all lengths times `unit`.
-fn blows(scheme: &str, unit: f64) -> String {
+fn impacts(scheme: &str, unit: f64) -> String {
     let list = |values: [f64; 3]| format!("{:?}", values.map(|value| unit * value));
     format!(
         r#"
@@ -135,7 +135,7 @@ velocity = {}
 fn small_bodies_take_the_work_of_large_ones() {
     let unit = 1.0 / 128.0;
     for scheme in ["energy-momentum", "backward-euler", "stormer-verlet"] {
-        let [large, small] = [1.0, unit].map(|unit| Program::run(&blows(scheme, unit)));
+        let [large, small] = [1.0, unit].map(|unit| Program::run(&impacts(scheme, unit)));
         for (name, part) in [("searches", 0.0), ("newton_iterations", 0.02), ("path_checks", 0.02)] {
             let [a, b] = [&large, &small].map(|run| run.report()["work"][name].as_f64().unwrap());
             assert!((a - b).abs() <= part * a, "{scheme}, {name}: {a} and {b}");

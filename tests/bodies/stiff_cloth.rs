@@ -94,7 +94,7 @@ fn larger_steps_do_not_cost_more() {
             simulation.counted_seconds()
         };
         let costs = [2.5e-3, 5e-3, 1e-2, 2e-2, 4e-2].map(cost);
-        // The price of finding the cheapest length is part of it.
+        // The cost of finding the cheapest length is part of it.
         assert!(costs.iter().all(|&cost| cost < 1.6 * costs[0]), "{scheme:?}: {costs:?}");
     }
 }

@@ -81,7 +81,7 @@ fn json_and_quiet_mean_the_same_for_every_command() {
 fn quiet_prints_the_notes_at_the_end() {
     let place = tempfile::tempdir().unwrap();
     let place = place.path();
-    // The blow inverts elements in a whole step, so that it is cut.
+    // The impact inverts elements in a whole step, so that it is cut.
     let struck = SCENE
         .replace("step = 1e-3", "step = 2e-3")
         .replace("stormer-verlet", "implicit-midpoint")

@@ -216,7 +216,7 @@ fn a_signal_ends_the_trials_of_auto() {
     assert!(!place.path().join("out").exists());
 }
 
-/// One load step takes so long that a signal comes within it.
+/// A static scene with a load step that takes so long that a signal arrives during it.
 const PRESSED: &str = r#"
 [time]
 end = 2.0

@@ -127,7 +127,7 @@ fn keys_that_cannot_be_are_refused_with_the_way_out() {
     assert!(said("locking = \"f-bar\"").contains("mean-dilation"));
 }
 
-/// Every key that names a node by its number in the body's mesh: fixes, loads, strikes, springs, probes.
+/// A scene with every key that names a node by its number in the body's mesh: fixes, loads, strikes, springs, probes.
 const NAMED: &str = r#"
     gravity = [0.0, -9.81, 0.0]
     [time]

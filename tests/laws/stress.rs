@@ -44,7 +44,7 @@ fn bodies_that_meet_violently_never_cross() {
     assert!(done >= 3, "{done} of 6 scenes end well");
 }
 
-/// Blows over many times the layer in one step: a moved ball and walls that crumple a sheet, by explicit schemes, and a needle
+/// Impacts over many times the layer in one step: a moved ball and walls that crumple a sheet, by explicit schemes, and a needle
 /// and a knife by implicit ones. After a step that ended at 1e-4 of the layer, no later step would succeed. All steps succeed, and
 /// no surface crosses. The last two need parts below h/1024.
 #[test]
