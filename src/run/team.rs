@@ -101,8 +101,8 @@ impl Team {
         problems
     }
 
-    /// Builds the simulation of a scene that all ranks share, on the first rank. Also returns a note on what they exchange;
-    /// `None` if there is one rank.
+    /// Builds the simulation of a scene that all ranks share, on the first rank. Also returns a note on the messages
+    /// that they exchange; `None` if there is one rank.
     ///
     /// # Errors
     /// Returns [`RunError::Scene`] with the problems of the scene, with what does not run on several ranks, and with the
@@ -207,7 +207,8 @@ impl Team {
         self.exchange.pieces(&[&END[..], &[code]].concat());
     }
 
-    /// Builds what this rank steps; returns it with whether it is of parts, and the number of threads.
+    /// Builds the portions that this rank steps. Also returns whether meshes are read in parts, and the number of
+    /// threads.
     fn prepare(&self, order: &[u8]) -> Result<(Vec<Option<Member>>, bool, usize), String> {
         let order: Order = record::unseal(START, FORMAT, order).map_err(|error| error.to_string())?;
         let own = program();

@@ -280,8 +280,9 @@ pub struct Spring {
     pub length: Option<f64>,
 }
 
-/// `[[strike]]`: an impulse at t = 0, distributed over the nodes of a region in proportion to their mass. Nodes that are tied,
-/// attached or sewn hand their part on to what they follow, and held nodes take theirs up.
+/// `[[strike]]`: an impulse at t = 0, distributed over the nodes of a region in proportion to their mass. Nodes that
+/// are tied, attached or sewn pass their part to the nodes or bodies that they follow. Supports take up the part of
+/// held nodes.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Strike {

@@ -267,8 +267,9 @@ impl Simulation {
         self.of_nodes(body, reactions)
     }
 
-    /// Returns the centre (m) of rigid body number `rigid`, which is fixed or moved, and the force (N) and the moment about its centre
-    /// (N m) with which its support holds what is attached to it and what it touches. Forces of joints are not included.
+    /// Returns the centre (m) of rigid body number `rigid`, which is fixed or moved, and the force (N) and the moment
+    /// about its centre (N m) with which its support balances the bodies that are attached to it or touch it. Forces of
+    /// joints are not included.
     pub fn rigid_reaction(&self, rigid: usize) -> [[f64; 3]; 3] {
         let (rigid, component) = self.rigid(rigid);
         let Component { system, state, stepper, .. } = component;

@@ -13,7 +13,7 @@ use crate::model::parts::{Runs, build_parts, is_separable, of_parted_meshes};
 use crate::model::{self, BodyModel, Holding, Share};
 use crate::scene::{GuardAction, LinearChoice, MassKind, Problem, Scene};
 
-/// The ranks of a run, and what they exchange.
+/// The ranks of a run, and the messages that they exchange.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RankFacts {
     /// Number of ranks.
@@ -99,7 +99,7 @@ impl Simulation {
         total
     }
 
-    /// Records what the ranks exchange, for the report.
+    /// Records the facts on the ranks, for the report.
     pub(crate) fn with_ranks(self, facts: RankFacts) -> Self {
         Self { ranks: Some(facts), ..self }
     }

@@ -1,4 +1,4 @@
-//! Potentials, Lagrangians, schemes and what they conserve.
+//! Potentials, Lagrangians and schemes, and the quantities that they conserve.
 //!
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]

@@ -1,4 +1,4 @@
-//! Several processes (ranks) that compute one system together, and what they exchange.
+//! Several processes (ranks) that compute one system together, and the messages that they exchange.
 
 use std::ops::Range;
 use std::sync::Mutex;

@@ -157,7 +157,7 @@ impl Gather {
         self.halo.is_some()
     }
 
-    /// Returns what this rank sends to others per gradient.
+    /// Returns the messages from this rank to others per gradient.
     pub(crate) fn traffic(&self) -> Traffic {
         self.halo.as_ref().map_or_else(Traffic::default, Halo::traffic)
     }

@@ -129,7 +129,7 @@ impl Inertia {
         }
     }
 
-    /// Restores what [`Inertia::save`] recorded.
+    /// Restores the start of the next solve, which [`Inertia::save`] recorded.
     ///
     /// # Errors
     /// Returns [`SolverError::Memory`] if the memory belongs to another system.

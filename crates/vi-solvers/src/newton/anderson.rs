@@ -31,7 +31,7 @@ pub(super) struct Anderson {
 }
 
 impl Anderson {
-    /// Forgets all differences, because the factor or the point has changed.
+    /// Discards all differences, because the factor or the point has changed.
     pub(super) fn restart(&mut self) {
         self.last = None;
         self.differences.clear();

@@ -47,7 +47,7 @@ pub(crate) trait PairEquations: Equations {
     /// Replaces the forces of pairs by potentials with the friction that they have at the unknowns, or, if `at_start`, at the beginning
     /// of the step, and other forces without a potential by their linearisation. The solution then minimises the merit.
     fn lag(&mut self, evaluator: &mut Evaluator, at_start: bool);
-    /// Ends what [`PairEquations::lag`] began.
+    /// Restores the forces that [`PairEquations::lag`] replaced.
     fn end_lag(&mut self, evaluator: &mut Evaluator);
     /// Moves the start of the iteration, node by node, to where no pair meets on the path from the beginning of the
     /// step.

@@ -141,8 +141,8 @@ impl<E: PairEquations> PairSeries<'_, '_, E> {
         self.iterate(Aim { tolerance: self.newton.tolerance, most, stiffness: 1.0, is_uniform: false })
     }
 
-    /// Solves plainly or with lagged friction first, whichever solved the last step, and then in the other way. What fails in both
-    /// ways is tried in stages.
+    /// Solves plainly or with lagged friction first, whichever solved the last step, and then in the other way.
+    /// Equations that neither way solves are solved in stages.
     fn solve(&mut self) -> Result<(), SolverError> {
         let (start, tolerance) = (self.newton.renewal.start, self.newton.tolerance);
         let most = self.newton.max_iterations;
@@ -236,7 +236,7 @@ impl<E: PairEquations> Frictional for PairSeries<'_, '_, E> {
                     with_new = Some(products);
                 }
                 solves += products + 1;
-                if direct_pays(solve, products) {
+                if is_direct_cheaper(solve, products) {
                     (*becomes_direct, is_direct) = (true, true);
                 }
             }
@@ -320,7 +320,7 @@ fn is_direct<E: PairEquations>(solve: &Solve<'_, E>) -> bool {
 }
 
 /// Returns whether a factor of the complete tangent costs less than a correction that took this number of products.
-fn direct_pays<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool {
+fn is_direct_cheaper<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool {
     let (costs, size) = (solve.inverse.costs(), solve.equations.complete_size());
     let is_possible = size.is_some_and(|size| size <= MOST_AFTER_PRODUCTS);
     is_possible && products as f64 * costs.solve > COMPLETE_FACTOR * costs.factor

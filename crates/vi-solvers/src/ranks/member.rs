@@ -384,7 +384,7 @@ impl Member {
         }
     }
 
-    /// Returns what this rank sends to others per gradient.
+    /// Returns the messages from this rank to others per gradient.
     pub fn traffic(&mut self) -> Traffic {
         match &mut self.task {
             Task::Steps(stepper) => stepper.traffic(),

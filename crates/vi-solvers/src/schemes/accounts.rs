@@ -105,7 +105,7 @@ impl PotentialEnergies {
         }
     }
 
-    /// Restores what [`PotentialEnergies::save`] recorded.
+    /// Restores the energy that [`PotentialEnergies::save`] recorded.
     pub(crate) fn restore(memory: &StepperMemory) -> Self {
         let kept = memory.array("potentials.end").ok().and_then(|array| array.first().copied());
         Self { kept, ..Self::new() }

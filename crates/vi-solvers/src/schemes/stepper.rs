@@ -57,7 +57,7 @@ pub trait Stepper: Send {
     /// that was kept before. Returns false and keeps nothing if no other process shares the system.
     ///
     /// # Errors
-    /// Returns [`SolverError::Memory`] if what it should remember does not belong to this scheme and system.
+    /// Returns [`SolverError::Memory`] if the data to be kept do not belong to this scheme and system.
     fn keep(&mut self, _state: &State) -> Result<bool, SolverError> {
         Ok(false)
     }

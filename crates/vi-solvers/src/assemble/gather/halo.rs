@@ -49,7 +49,7 @@ impl Halo {
         }
     }
 
-    /// Returns what this rank sends per gradient.
+    /// Returns the messages from this rank to others per gradient.
     pub(super) fn traffic(&self) -> Traffic {
         let numbers = self.messages.iter().map(|message| message.send.len()).sum::<usize>();
         Traffic { bytes: 8 * numbers as u64, node_sum_bytes: 8 * (self.block * self.node_sums) as u64 }

@@ -108,7 +108,8 @@ impl LiveState {
         self.step.remember(name, memory);
     }
 
-    /// Returns what [`LiveState::save`] recorded; `None` if it is not for `count` coordinates.
+    /// Returns the configurations and the memory that [`LiveState::save`] recorded; `None` if they are not for `count`
+    /// coordinates.
     pub(crate) fn restore(name: &str, memory: &StepperMemory, count: usize) -> Option<Self> {
         let region = Region::restore(&format!("{name}.region"), memory, count)?;
         let pattern = Region::restore(&format!("{name}.pattern"), memory, count)?;

@@ -103,7 +103,7 @@ impl KickDrift {
         self.evaluator.assembler()
     }
 
-    /// Returns what this rank sends to others per evaluation of forces.
+    /// Returns the messages from this rank to others per evaluation of forces.
     pub(crate) fn traffic(&mut self) -> Traffic {
         self.evaluator.assembler().gather().map_or_else(Traffic::default, Gather::traffic)
     }

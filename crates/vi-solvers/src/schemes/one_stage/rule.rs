@@ -112,7 +112,7 @@ pub(crate) trait Rule: Send + Sync {
     ) -> Result<(), SolverError> {
         Ok(())
     }
-    /// Records what the next step needs after the step has been made.
+    /// Records, after a step, the data that the next step needs.
     fn close(&mut self, _system: &System, _before: &State, _after: &State, _w: &[f64], _h: f64) {}
     /// Saves the rule's memory.
     fn save(&self, _memory: &mut StepperMemory) {}
