@@ -318,7 +318,7 @@ def cook(path):
 
 
 def turek_graded(path):
-    """As the flag of one layer, hex20, its clamped end exactly on the circle."""
+    """The flag of one layer in hex20, whose clamped end lies exactly on the circle."""
     p, g = TUREK, TUREK_GRADED
     (cx, cy), height = p["centre"], p["top"] - p["bottom"]
     along = graded(g["least"], g["growth"], g["largest"][0], p["right"] - cx - p["radius"])
@@ -352,7 +352,7 @@ def tapered(path):
 
 
 def cylinder(path):
-    """A quarter. Every node of a curved face lies on its cylinder."""
+    """A quarter of a cylinder. Every node of a curved face lies on its cylinder."""
     p = CYLINDER
     around, through = p["cells"]
 
@@ -369,7 +369,7 @@ def cylinder(path):
 
 
 def sphere(path):
-    """An octant in three patches. Every node of a curved face lies on its sphere."""
+    """An octant of a sphere in three patches. Every node of a curved face lies on its sphere."""
     p = SPHERE
     around, through = p["cells"]
     patch = np.linspace(0, 1, around + 1)

@@ -138,7 +138,7 @@ def run(n, steps, newton_tolerance, linear_tolerance):
 
 
 def check(n=2):
-    """The largest difference of its elastic force from that of the energy above, over the largest."""
+    """The largest difference between the elastic force of MFEM and that of the energy above, over the largest force."""
     problem = Discretisation(n)
     block = problem.block
     u = np.zeros(block.points.shape)

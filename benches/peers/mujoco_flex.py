@@ -62,7 +62,7 @@ def run(n, integrator, steps):
 
 
 def check(n=2):
-    """The largest difference of its elastic force from ours, over the largest force."""
+    """The largest difference of MuJoCo's elastic force from ours, over the largest force."""
     block = Block(n)
     built, data, dofs = model(block, "Euler", 1000)
     u = np.zeros(block.points.shape)

@@ -37,7 +37,7 @@ def read_mesh(path):
 
 
 def read_frames(path, times):
-    """(time, grid) of the frames nearest to the times; of the last frame where none is asked for."""
+    """Returns (time, grid) of the frames nearest to `times`; without times, of the last frame."""
     if path.suffix != ".pvd":
         return [(None, read_mesh(path))]
     reader = pyvista.get_reader(path)
@@ -52,7 +52,7 @@ def read_frames(path, times):
 
 
 def label(time, grid):
-    """What stands above a panel: the frequency of a mode shape, else the time."""
+    """Returns the text above a panel: the frequency of a mode shape, else the time."""
     if "frequency" in grid.field_data:
         return f"{grid.field_data['frequency'][0]:.4g} Hz"
     return f"t = {time:.4g} s"
