@@ -2,7 +2,7 @@
 writes the displacements at T and prints the seconds of stepping as JSON.
 
 The stage is solved as in MFEM's example 10 (unknown: the acceleration), with the settings that serve
-it best here: one quadrature point (exact for linear tetrahedra; its default has 14, ten times dearer),
+it best here: one quadrature point (exact for linear tetrahedra; its default has 14, ten times as expensive),
 conjugate gradients with a Gauss-Seidel preconditioner, Newton started from the last acceleration.
 The package on PyPI brings no sparse direct solver. MFEM's neo-Hookean energy is
 mu/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2, not the logarithmic one of `variational`: each program's error

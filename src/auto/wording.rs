@@ -75,7 +75,7 @@ impl AutoReport {
         } else if is_explicit(best) {
             text.push_str(" Its steps are cheap enough to outweigh their number.");
         } else if explicit.is_some() {
-            text.push_str(" Its steps are dearer, but so much longer that they cost less.");
+            text.push_str(" Its steps are more expensive, but so much longer that they cost less.");
         }
         if let Some(tenth) = &self.tenth {
             let _ = write!(

@@ -53,7 +53,7 @@ pub(crate) struct Pace {
     /// Number of substeps before shorter substeps are tried, and before those of the length `doubted` are.
     shorter: u64,
     longer: u64,
-    /// The length that failed, or that a trial found too dear, last; 0 for none.
+    /// The last length that failed or that a trial found too expensive; 0 if there is none.
     doubted: u64,
 }
 
@@ -239,7 +239,7 @@ mod tests {
         cost: f64,
     }
 
-    /// Makes steps of a component whose substeps fail above `limit`, cost `cost` and are dear above a cost of 10.
+    /// Makes steps of a component whose substeps fail above `limit`, cost `cost` and are expensive above a cost of 10.
     fn steps(pace: &mut Pace, count: u32, limit: u32, cost: impl Fn(u32) -> f64) -> Course {
         let mut course = Course { made: 0, tried: 0, cost: 0.0 };
         for _ in 0..count {

@@ -59,7 +59,7 @@ impl Rivalry {
         self.is_open() && self.is_more_expensive(gradients)
     }
 
-    /// Returns whether conjugate gradients are dearer than a factor.
+    /// Returns whether conjugate gradients are more expensive than a factor.
     pub(super) fn is_more_expensive(&self, gradients: [f64; 2]) -> bool {
         self.share(gradients, 1.0) > MARGIN * self.share(self.factor, 1.0 / SOLVES_PER_FACTOR)
     }
