@@ -223,3 +223,48 @@ fn subtract_square<T: Scalar>(
 fn half(length: usize) -> usize {
     (length / 2).next_multiple_of(TILE).min(length - 1)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Returns the front of a chain of nodes in which each entry of L is a hundredth of the one before.
+    fn front<T: Scalar>(rows: usize, columns: usize) -> Vec<T> {
+        let entry = |k: usize| match (k % rows).checked_sub(k / rows) {
+            Some(0) => T::of(1.0),
+            Some(1) => T::of(-0.01),
+            Some(_) if k % rows >= columns => T::of(-1e-9),
+            _ => T::default(),
+        };
+        (0..rows * columns).map(entry).collect()
+    }
+
+    /// The least normal number in single precision is 1e-38, which the entries reach after 19 nodes.
+    #[test]
+    fn factors_in_single_precision_have_no_subnormal_numbers() -> Result<(), usize> {
+        let (rows, columns) = (150, 100);
+        let below = rows - columns;
+        let [mut single, mut single_update] = [front::<f32>(rows, columns), vec![0.0; below * below]];
+        let [mut double, mut double_update] = [front::<f64>(rows, columns), vec![0.0; below * below]];
+        eliminate(&mut single, rows, columns, &mut single_update, true)?;
+        eliminate(&mut double, rows, columns, &mut double_update, true)?;
+        let lower = |order: usize| (0..order).flat_map(move |j| (j..order).map(move |i| (i, j)));
+        let mut zeros = 0;
+        for (i, j) in lower(rows).filter(|(_, j)| *j < columns) {
+            let (single, double) = (single[i + j * rows], double[i + j * rows]);
+            assert!(single == 0.0 || single.is_normal(), "row {i}, column {j}: {single:e}");
+            assert!((f64::from(single) - double).abs() < 2e-7, "row {i}, column {j}: {single:e}");
+            zeros += usize::from(single == 0.0);
+        }
+        assert!(zeros > 0, "the front is too small to decay");
+        for (i, j) in lower(below) {
+            let (single, double) = (single_update[i + j * below], double_update[i + j * below]);
+            assert!(single == 0.0 || single.is_normal(), "row {i}, column {j} of the update: {single:e}");
+            assert!(
+                (f64::from(single) - double).abs() < 2e-7,
+                "row {i}, column {j} of the update: {single:e}"
+            );
+        }
+        Ok(())
+    }
+}
