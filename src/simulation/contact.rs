@@ -249,6 +249,11 @@ impl ContactWatch {
         near.contact().gaps(x).min_by(|a, b| (a.gap / a.distance).total_cmp(&(b.gap / b.distance)))
     }
 
+    /// Returns whether rims of two bodies of the term lie on each other at positions x.
+    pub(super) fn rims_coincide(&self, bodies: [u32; 2], x: &[f64]) -> bool {
+        self.term.at(x).contact().rims_coincide(bodies, x)
+    }
+
     /// Returns the constants of contact between two bodies with these numbers in the scene; `None` if they do not meet
     /// in this component.
     pub(crate) fn law(&self, first: usize, second: usize) -> Option<vi_contact::Law> {

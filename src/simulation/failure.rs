@@ -82,9 +82,17 @@ impl Simulation {
         }
         let place = 3 * nodes[0][0] as usize;
         let parts = nodes.map(|nodes| part_in_words(&self.bodies, &self.rigids, number, &nodes));
+        let is_on_rims = self.scene.statics.is_some() && contact.rims_coincide(bodies, &x);
         let bodies = bodies.map(|body| contact.number_of(body));
         let names_step = matches!(cause, SolverError::UnresolvedContact { .. });
-        let way_out = self.way_out(bodies, gap / distance, names_step);
+        let mut way_out = self.way_out(bodies, gap / distance, names_step);
+        if is_on_rims {
+            let [first, second] = bodies.map(|body| name_of(&self.scene, body));
+            way_out = format!(
+                "make '{first}' wider or narrower than '{second}' by this layer or more on each side, because rims of both lie on \
+                 each other and nodes slide off them, or {way_out}"
+            );
+        }
         let bodies = bodies.map(|body| name_of(&self.scene, body).to_owned());
         Some(PairInContact {
             bodies,

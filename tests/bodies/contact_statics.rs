@@ -320,3 +320,74 @@ sum = "contact_force"
         assert!((force / expected - 1.0).abs() < tolerance, "{friction}: {force} {expected}");
     }
 }
+
+/// Two blocks on each other, the upper one of `width` (m), pressed together by 2 mm. The layer is .1 mm.
+fn two_blocks(width: f64, friction: f64, cells: [&str; 2], poisson: f64) -> String {
+    let half = 0.5 * width;
+    let [low, high] = cells;
+    format!(
+        r#"
+[time]
+end = 1.0
+step = 0.25
+[static]
+smallest_increment = 0.2
+[contact]
+self = false
+friction = {friction}
+distance = 1e-4
+[[body]]
+name = "low"
+box = {{ size = [0.1, 0.1, 0.1], cells = {low}, element = "hex8", origin = [-0.05, -0.05, -0.1] }}
+material = {{ law = "linear", young = 1e6, poisson = {poisson}, density = 1000.0 }}
+[[body]]
+name = "high"
+box = {{ size = [{width}, {width}, 0.1], cells = {high}, element = "hex8", origin = [-{half}, -{half}, 1e-4] }}
+material = {{ law = "linear", young = 4e6, poisson = {poisson}, density = 1000.0 }}
+[[fix]]
+body = "low"
+region = "z-min"
+[[fix]]
+body = "high"
+region = "z-max"
+motion = {{ kind = "translate", velocity = [0.0, 0.0, -2.1e-3] }}
+[[probe]]
+name = "f"
+between = ["high", "low"]
+sum = "contact_force"
+"#
+    )
+}
+
+/// Nodes slide off rims that lie on each other: such blocks find no equilibrium in increments that serve others, and the error says what
+/// to change. If it is changed, they press straight down, with the force of two springs in series and that of the sides that bulge.
+#[test]
+fn blocks_with_rims_on_each_other_are_named_and_narrower_ones_press_straight() {
+    for (low, high, friction, poisson, most) in [
+        ("[4, 4, 2]", "[2, 2, 1]", 0.0, 0.0, 0.06),
+        ("[5, 5, 2]", "[4, 4, 2]", 0.0, 0.3, 0.15),
+        ("[3, 3, 2]", "[2, 3, 2]", 0.3, 0.0, 0.06),
+    ] {
+        let program = Program::try_run(&two_blocks(0.1, friction, [low, high], poisson), &[]);
+        let said = program.errors();
+        assert_eq!(program.code(), Some(4), "{said}");
+        assert!(said.contains("by this layer or more on each side, because rims of both lie on"), "{said}");
+        let width = 0.0998;
+        let program = Program::run(&two_blocks(width, friction, [low, high], poisson));
+        let history = program.history();
+        let [x, y, z] = ["f.fx", "f.fy", "f.fz"].map(|name| *history.column(name).last().unwrap());
+        assert!(x.hypot(y) < 2e-6 * z, "{low} {high}: {x} {y} {z}");
+        let springs = 2e-3 * width * width / (0.1 / 1e6 + 0.1 / 4e6);
+        assert!((0.0..most).contains(&(z / springs - 1.0)), "{low} {high}: {z} {springs}");
+    }
+}
+
+/// Where no rims lie on each other, an error does not speak of them.
+#[test]
+fn a_narrow_block_that_finds_no_equilibrium_has_no_rims_on_others() {
+    let scene = two_blocks(0.05, 0.0, ["[4, 4, 2]", "[2, 2, 1]"], 0.0).replace("-2.1e-3]", "-0.3]");
+    let program = Program::try_run(&scene, &[]);
+    let said = program.errors();
+    assert_eq!(program.code(), Some(4), "{said}");
+    assert!(said.contains("'high'") && !said.contains("rims"), "{said}");
+}

@@ -21,6 +21,7 @@ mod edges;
 mod energy;
 mod gaps;
 mod groups;
+mod rims;
 mod step;
 mod term;
 mod viscosity;
