@@ -58,6 +58,8 @@ struct SceneFacts {
     /// Step, s.
     step: Option<f64>,
     scheme: &'static str,
+    /// Whether `steps` and `step` are those of the intervals of adaptive steps.
+    adaptive: bool,
     bodies: Vec<BodyFacts>,
     systems: Vec<SystemFacts>,
     /// All pairs of bodies of a scene with contact.
@@ -278,6 +280,7 @@ fn scene(path: &Path) -> Result<SceneFacts, u8> {
         steps: (!is_open).then(|| simulation.step_count()),
         step: (!is_open).then(|| simulation.step_size()),
         scheme: if is_open { "auto" } else { simulation.method().name() },
+        adaptive: scene.time.is_adaptive(),
         bodies: simulation.bodies().iter().map(body).collect(),
         systems: components.iter().map(system).collect(),
         contact: meetings(&simulation),
@@ -310,7 +313,10 @@ fn meetings(simulation: &Simulation) -> Vec<MeetingFacts> {
 fn say_scene(path: &Path, facts: &SceneFacts) {
     out!("{}: {}", path.display(), facts.title);
     match (facts.steps, facts.step) {
-        (Some(steps), Some(step)) => out!("time     {steps} steps of {step:.6e} s by {}", facts.scheme),
+        (Some(steps), Some(step)) => {
+            let what = if facts.adaptive { "intervals of adaptive steps, each of" } else { "steps of" };
+            out!("time     {steps} {what} {step:.6e} s by {}", facts.scheme);
+        }
         _ => out!("time     scheme and step are chosen by trials when it runs"),
     }
     for body in &facts.bodies {

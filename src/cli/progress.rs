@@ -68,15 +68,16 @@ impl Watch for Progress {
         let steps = match &simulation.scene().statics {
             Some(_) => counted(steps, "load step", "load steps"),
             None => {
-                format!("{steps} steps of {:.4e} s by {}", simulation.step_size(), simulation.method().name())
+                let is_adaptive = simulation.scene().time.is_adaptive();
+                let what = if is_adaptive { "intervals of adaptive steps, each of" } else { "steps of" };
+                format!("{steps} {what} {:.4e} s by {}", simulation.step_size(), simulation.method().name())
             }
         };
         let bodies = counted(simulation.bodies().len() as u64, "body", "bodies");
         message!("{bodies}, {nodes} nodes, {elements} elements; {steps}");
         if std::io::stderr().is_terminal() {
-            let style = ProgressStyle::with_template(
-                "{bar:40} {percent:>3} %  {pos}/{len} steps  {per_sec}  left {eta}",
-            );
+            let style =
+                ProgressStyle::with_template("{bar:40} {percent:>3} %  {pos}/{len}  {per_sec}  left {eta}");
             let bar = ProgressBar::new(simulation.step_count());
             self.bar = Some(match style {
                 Ok(style) => bar.with_style(style),

@@ -42,9 +42,9 @@ pub struct Report {
     pub scheme: Option<&'static str>,
     /// Whether the scheme is variational (symplectic).
     pub variational: Option<bool>,
-    /// The step, adjusted to land on the end, s; in statics the increment of the time that loads depend on.
+    /// The step, adjusted to land on the end, s; with adaptive steps the length of an interval; in statics the increment of the time that loads depend on.
     pub h: f64,
-    /// Number of steps made.
+    /// Number of steps made; with adaptive steps, of intervals.
     pub steps: u64,
     /// Reason for the end of the run.
     pub outcome: Option<Outcome>,

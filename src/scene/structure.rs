@@ -201,7 +201,11 @@ impl Structure {
                 let least = fitting.iter().filter_map(|option| option.schema.get("minimum")?.as_i64()).min();
                 let all = fitting.iter().all(|option| option.schema.get("minimum").is_some());
                 if let Some(least) = least.filter(|least| all && value < *least) {
-                    let message = format!("must be at least {least}, is {value}");
+                    let most = fitting.iter().find_map(|option| option.schema.get("maximum")?.as_i64());
+                    let message = match most {
+                        Some(most) => format!("must be {least} to {most}, is {value}"),
+                        None => format!("must be at least {least}, is {value}"),
+                    };
                     found.flaws.push(self.wrong(place, shape.schema, message));
                 }
             }

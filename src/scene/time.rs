@@ -130,6 +130,7 @@ pub struct Time {
     pub spectral_radius: Option<f64>,
     /// Linear solves per step of `truncated-euler`, 1 to 1000 (default 8).
     #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(range(min = 1, max = 1000))]
     pub solves: Option<u32>,
     /// Required relative error at `end`, 1e-9 to 0.5 (default 1e-2), for `auto` and `bench`. With `step = "adaptive"`:
     /// the relative error per radian of the mean frequency of the motion.
