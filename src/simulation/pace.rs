@@ -55,6 +55,8 @@ pub(crate) struct Pace {
     longer: u64,
     /// The last length that failed or that a trial found too expensive; 0 if there is none.
     doubted: u64,
+    /// Number of steps of the last interval of adaptive steps; 0 if there was none.
+    number: u64,
 }
 
 record!(Pace {
@@ -69,6 +71,7 @@ record!(Pace {
     shorter: u64,
     longer: u64,
     doubted: u64,
+    number: u64,
 });
 
 impl Default for Pace {
@@ -86,6 +89,7 @@ impl Default for Pace {
             shorter: 1,
             longer: PATIENCE[0],
             doubted: 0,
+            number: 0,
         }
     }
 }
@@ -100,6 +104,16 @@ impl Pace {
     pub(crate) fn size(&mut self, largest: u32) -> u32 {
         self.size = self.size.min(u64::from(largest));
         self.size as u32
+    }
+
+    /// Returns the number of steps of the last interval of adaptive steps; 0 if there was none.
+    pub(crate) fn number(&self) -> u64 {
+        self.number
+    }
+
+    /// Records the number of steps of an interval of adaptive steps.
+    pub(crate) fn set_number(&mut self, number: u64) {
+        self.number = number;
     }
 
     /// Returns whether steps are not subdivided.

@@ -162,7 +162,7 @@ pub fn rotation(simulation: &Simulation) -> f64 {
     let rate = |component: &Component| {
         let (system, state) = (component.system(), component.state());
         // If the state has no finite force, the trials say so.
-        Frequencies::new(system).of_motion(system, state).unwrap_or(0.0)
+        Frequencies::new(system).of_motion(system, state).map_or(0.0, |motion| motion.square.sqrt())
     };
     constrained.map(rate).fold(0.0, f64::max)
 }

@@ -119,6 +119,62 @@ fn adaptive_steps_run_back_to_their_start() {
     }
 }
 
+/// Returns a block of tetrahedra, stretched by a tenth, that spins and vibrates at the default tolerance.
+fn spinning(scheme: SchemeName, spin: [f64; 3], young: f64, [end, interval]: [f64; 2]) -> Simulation {
+    let shape =
+        BoxMesh { size: [0.3, 0.1, 0.2], cells: [3, 1, 2], element: CellKind::Tet4, origin: [0.0; 3] };
+    let law = Law::StableNeoHookean(Isotropic { young, poisson: 0.35, density: 1000.0 });
+    let mut time = Time::adaptive(end, Time::DEFAULT_TOLERANCE, scheme);
+    time.largest_step = Some(interval);
+    let mut body = Body::from_box("block", shape, law).angular_velocity(spin);
+    body.displacement = Some([
+        FieldComponent::Formula("0.1*x".to_owned()),
+        FieldComponent::Number(0.0),
+        FieldComponent::Number(0.0),
+    ]);
+    let scene = Scene::new(time).solver(Solver { tolerance: 1e-13, ..Solver::default() }).body(body);
+    Simulation::new(scene).unwrap()
+}
+
+/// At the default tolerance too, where other numbers of steps lead to other states, a run comes back to its start.
+#[test]
+fn adaptive_steps_run_back_to_their_start_at_the_default_tolerance() {
+    for scheme in [SchemeName::StormerVerlet, SchemeName::ImplicitMidpoint] {
+        let mut simulation = spinning(scheme, [1.0, 7.0, 0.5], 5e4, [2.0, 0.02]);
+        let start = simulation.components[0].state.q.clone();
+        let half = simulation.step_count() / 2;
+        while !simulation.is_done() {
+            if simulation.steps() == half {
+                simulation.components[0].state.p.iter_mut().for_each(|p| *p = -*p);
+            }
+            simulation.step().unwrap();
+        }
+        let counts = simulation.adaptive_counts().unwrap();
+        let end = &simulation.components[0].state.q;
+        let off = start.iter().zip(end).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+        assert!(off < 1e-9, "{scheme:?}: off by {off:e} m with {counts:?}");
+    }
+}
+
+/// At the default tolerance too, the energy of a block that spins and vibrates does not drift over 30 000 steps; nor does it over
+/// as many equal steps.
+#[test]
+fn adaptive_steps_keep_the_energy_at_the_default_tolerance() {
+    let mut simulation = spinning(SchemeName::StormerVerlet, [1.0, 7.0, 0.5], 5e4, [100.0, 0.05]);
+    let (mut means, mut largest) = ([0.0; 10], 0.0_f64);
+    let per_mean = simulation.step_count() / 10;
+    while !simulation.is_done() {
+        let slot = (simulation.steps() / per_mean) as usize;
+        simulation.step().unwrap();
+        let energy = simulation.observe();
+        largest = largest.max(energy.kinetic);
+        means[slot.min(9)] += energy.total() / per_mean as f64;
+    }
+    let drift = means.iter().map(|mean| (mean - means[0]).abs() / largest).fold(0.0, f64::max);
+    let counts = simulation.adaptive_counts().unwrap();
+    assert!(counts.steps > 20_000 && drift < 0.03, "{drift:e}: {means:?}, {counts:?}");
+}
+
 /// Returns a stiff free cube of 1 m that falls with the weight a₀ cos(60 (t − t₀)) along x.
 fn shaken(acceleration: f64, t0: f64, end: f64, tolerance: f64) -> Simulation {
     let shape = BoxMesh { size: [1.0; 3], cells: [1, 1, 1], element: CellKind::Hex8, origin: [0.0; 3] };

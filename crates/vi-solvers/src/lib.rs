@@ -52,7 +52,7 @@ pub use schemes::filter::mass_filter;
 pub use schemes::held::HeldWork;
 pub use schemes::lanczos::HighestFrequency;
 pub use schemes::method::{AcceptedForces, Accepts, Conserves, Method, MethodFacts, stepper};
-pub use schemes::motion::Frequencies;
+pub use schemes::motion::{Frequencies, Motion};
 pub use schemes::stability::highest_frequency;
 pub use schemes::stepper::{StepError, StepReport, Stepper};
 pub use work::Work;

@@ -22,6 +22,15 @@ const STILL: f64 = 1e-6;
 /// stopped a steel-like cube of 1 m, its noise has an amplitude of 90 of them, and would require a million steps.
 const NOISE: f64 = 1e3;
 
+/// The frequency of the motion of a state, and the weight of the state in means of frequencies.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Motion {
+    /// The square of the mean angular frequency, (rad/s)².
+    pub square: f64,
+    /// Twice the kinetic energy of the motion relative to the flight, in J, uᵀMu.
+    pub weight: f64,
+}
+
 /// Frequencies of a system at states of its motion.
 pub struct Frequencies {
     operator: Operator,
@@ -54,7 +63,7 @@ impl Frequencies {
         self.damping.as_mut().map_or(Ok(0.0), |damping| damping.highest(system, state, omega))
     }
 
-    /// Returns the mean angular frequency of the motion of a state, rad/s: ω² = |uᵀKu|/uᵀMu + Ω². u is the velocity relative to
+    /// Returns the mean angular frequency of the motion of a state: ω² = |uᵀKu|/uᵀMu + Ω². u is the velocity relative to
     /// that with which each connected part is carried along: of its centre of mass if nothing holds it, of its supports if these
     /// move equally. Ω is the larger of two rates: at which a part turns about its centre of mass, and at which the fastest
     /// direction in a rigid body turns. Zero at rest.
@@ -65,13 +74,14 @@ impl Frequencies {
     ///
     /// # Errors
     /// Returns the errors of [`highest_frequency`](crate::highest_frequency).
-    pub fn of_motion(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
+    pub fn of_motion(&mut self, system: &System, state: &State) -> Result<Motion, SolverError> {
         self.operator.place(system, state)?;
         if state.p.iter().all(|p| *p == 0.0) {
-            return Ok(0.0);
+            return Ok(Motion::default());
         }
         let turning = turning_rate(system, state, &self.carried).max(director_rate(system, state));
-        Ok((self.square_of_deformation(system, state)? + turning.powi(2)).sqrt())
+        let Motion { square, weight } = self.deformation(system, state)?;
+        Ok(Motion { square: square + turning.powi(2), weight })
     }
 
     /// Returns the rate at which forces of velocity slow a motion, rad/s: |v·f|/v·Mv with these forces f, or with all forces if that is
@@ -93,36 +103,39 @@ impl Frequencies {
         Ok(drag.abs().min((forces - potential).abs()) / square)
     }
 
-    /// Returns |uᵀKu|/uᵀMu, 1/s².
-    fn square_of_deformation(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
+    /// Returns |uᵀKu|/uᵀMu, 1/s², and uᵀMu.
+    fn deformation(&mut self, system: &System, state: &State) -> Result<Motion, SolverError> {
         let (n, mass) = (system.coordinates().free_count(), system.free_mass());
         let velocity = system.velocity(&state.p);
         let square = |v: &[f64]| vectors::sum(n, |k| mass[k] * (v[k] * v[k]));
         let mut relative = velocity.clone();
         let is_carried = self.carried.subtract(system, state.t, &mut relative);
-        if is_carried && square(&relative) <= STILL * STILL * square(&velocity) {
-            return Ok(0.0);
+        let weight = square(&relative);
+        let still = Motion { square: 0.0, weight };
+        if is_carried && weight <= STILL * STILL * square(&velocity) {
+            return Ok(still);
         }
         let mut direction: Vec<f64> =
             relative.iter().enumerate().map(|(k, v)| v * self.operator.root_mass(system, k)).collect();
         if n == 0 || normalize(&mut direction) == 0.0 {
-            return Ok(0.0);
+            return Ok(still);
         }
         let mut out = vec![0.0; n];
         self.operator.apply(system, state, &direction, &mut out)?;
         let found = vectors::sum(n, |k| direction[k] * out[k]).abs();
         let [_, reach] = system.coordinates().extent_and_reach(&system.positions(state));
         let amplitude = NOISE * f64::EPSILON * reach;
-        if square(&relative) <= amplitude * amplitude * found * vectors::sum(n, |k| mass[k]) {
-            return Ok(0.0);
+        if weight <= amplitude * amplitude * found * vectors::sum(n, |k| mass[k]) {
+            return Ok(still);
         }
         if system.filter().is_none() {
-            return Ok(found);
+            return Ok(Motion { square: found, weight });
         }
         // With a filtered mass, twice the kinetic energy of u is uᵀW⁻¹u instead of uᵀM u. W⁻¹ and M have equal products with the
         // velocity of a part that nothing holds.
         let momentum = |k: usize| state.p[k] - mass[k] * (velocity[k] - relative[k]);
-        Ok(found * square(&relative) / vectors::sum(n, |k| relative[k] * momentum(k)))
+        let filtered = vectors::sum(n, |k| relative[k] * momentum(k));
+        Ok(Motion { square: found * weight / filtered, weight: filtered })
     }
 }
 

@@ -6,7 +6,7 @@ use vi_core::{Coordinates, HessianKind, Path, Potential, Prescribed, State, Syst
 use vi_solvers::{Frequencies, Method};
 
 fn frequency(system: &System, state: &State) -> f64 {
-    Frequencies::new(system).of_motion(system, state).unwrap()
+    Frequencies::new(system).of_motion(system, state).unwrap().square.sqrt()
 }
 
 /// Returns the state with velocities (m/s) added to its nodes.
