@@ -302,18 +302,10 @@ fn what_cannot_be_followed_is_refused_with_the_way_out() {
     );
 }
 
-/// A column buckles once: at Euler's load, and no other load factor is named however far the unstable path is followed. Its load is
-/// π² E I/(4 L²) times (1 − π² (h/L)²/48) or so, by the shortening before.
-#[test]
-fn a_column_buckles_once() {
-    let (length, height, young) = (1.0_f64, 0.05_f64, 1e8_f64);
-    let euler = std::f64::consts::PI.powi(2) * young * height.powi(4) / 12.0 / (4.0 * length * length);
-    let program = Program::run(&format!(
+/// Returns a column of square section with one end clamped, which bends in the plane xy. The load on its other end is `load` t (N).
+fn column(length: f64, height: f64, young: f64, load: f64) -> String {
+    format!(
         r#"
-[time]
-end = 1.3
-step = 0.05
-[static]
 [[body]]
 name = "b"
 box = {{ size = [{length}, {height}, {height}], cells = [12, 1, 1], element = "hex20" }}
@@ -331,8 +323,25 @@ body = "b"
 region = "x-max"
 force = [{}, 0.0, 0.0]
 amplitude = "t"
+[[probe]]
+name = "tip"
+body = "b"
+point = [{length}, {}, 0.0]
 "#,
-        -euler
+        -load,
+        0.5 * height
+    )
+}
+
+/// A column buckles once: at Euler's load, and no other load factor is named however far the unstable path is followed. Its load is
+/// π² E I/(4 L²) times (1 − π² (h/L)²/48) or so, by the shortening before.
+#[test]
+fn a_column_buckles_once() {
+    let (length, height, young) = (1.0_f64, 0.05_f64, 1e8_f64);
+    let euler = std::f64::consts::PI.powi(2) * young * height.powi(4) / 12.0 / (4.0 * length * length);
+    let program = Program::run(&format!(
+        "[time]\nend = 1.3\nstep = 0.05\n[static]\n{}",
+        column(length, height, young, euler)
     ));
     let report = program.report();
     let notes: Vec<&str> =
@@ -344,4 +353,42 @@ amplitude = "t"
         .collect();
     assert_eq!(found.len(), 1, "{notes:?}");
     assert!((found[0] - 1.0).abs() < 5e-3, "{found:?}");
+}
+
+/// Returns how far the end of an inextensible column moves sideways, over its length, at the load P (over Euler's): 4 k/(π √P), where
+/// 2 K(k)/π = √P with the complete elliptic integral K (Timoshenko and Gere, Theory of Elastic Stability).
+fn elastica(load: f64) -> f64 {
+    let complete = |k: f64| {
+        // The arithmetic-geometric mean of 1 and √(1 − k²).
+        let (mut a, mut b) = (1.0, (1.0 - k * k).sqrt());
+        for _ in 0..40 {
+            (a, b) = (0.5 * (a + b), f64::sqrt(a * b));
+        }
+        std::f64::consts::FRAC_PI_2 / a
+    };
+    let (mut low, mut high) = (0.0, 1.0 - 1e-12);
+    for _ in 0..60 {
+        let k = 0.5 * (low + high);
+        if complete(k) < std::f64::consts::FRAC_PI_2 * load.sqrt() { low = k } else { high = k }
+    }
+    4.0 * low / (std::f64::consts::PI * load.sqrt())
+}
+
+/// A column that is pushed from its straight path comes to rest as the elastica, whatever the push and the increments: also where the
+/// first unstable equilibrium is so close to the critical load that the energy hardly falls along the mode.
+#[test]
+fn a_pushed_column_bends_as_the_elastica() {
+    let (length, height, young) = (1.0_f64, 0.05_f64, 1e8_f64);
+    let euler = std::f64::consts::PI.powi(2) * young * height.powi(4) / 12.0 / (4.0 * length * length);
+    for (push, step, end) in [(1e-5, 0.25, 1.5), (1e-2, 0.1, 1.2)] {
+        let program = Program::run(&format!(
+            "[time]\nend = {end}\nstep = {step}\n[static]\npush = {push}\n{}",
+            column(length, height, young, euler)
+        ));
+        let sideways = program.history().last("tip.uy").abs();
+        let exact = elastica(end) * length;
+        assert!((sideways / exact - 1.0).abs() < 1e-2, "{push} m, {step}: {sideways} of {exact} m");
+        let notes = program.report()["notes"].to_string();
+        assert_eq!(notes.matches("a bifurcation").count(), 1, "{push} m, {step}: {notes}");
+    }
 }

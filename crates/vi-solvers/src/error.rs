@@ -193,6 +193,22 @@ pub enum SolverError {
         /// The reason why that increment failed.
         cause: Box<SolverError>,
     },
+    /// No minimum of V was found beyond an unstable equilibrium.
+    #[error(
+        "the equilibrium at load factor {load_factor} is unstable (lowest ω² {lowest:.3e} 1/s²), and the body has not come to rest \
+         beyond it after a push of {push:e} m along its critical mode: {cause}; change `static.push`, or follow the path by \
+         `static.arc_steps`"
+    )]
+    Branch {
+        /// The load factor.
+        load_factor: f64,
+        /// Lowest ω² of the unstable equilibrium, 1/s².
+        lowest: f64,
+        /// Amplitude of the push, m.
+        push: f64,
+        /// The reason why the descent failed.
+        cause: Box<SolverError>,
+    },
     /// No equilibrium was found, because bodies can move freely and their loads do not balance.
     #[error(
         "no equilibrium at load factor {load_factor}: nothing holds {bodies} along {axis}, and the loads along {axis} sum to \
@@ -435,6 +451,7 @@ impl SolverError {
             Self::Equilibrium { cause, .. }
             | Self::ArcStep { cause, .. }
             | Self::ControlStep { cause, .. }
+            | Self::Branch { cause, .. }
             | Self::InContact { cause, .. } => cause.obstacle(),
             _ => None,
         }

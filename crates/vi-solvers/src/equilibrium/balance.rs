@@ -175,6 +175,11 @@ impl<'a> Balance<'a> {
         Ok(())
     }
 
+    /// Returns whether the terms limit the length of steps.
+    pub(crate) fn limits_steps(&self) -> bool {
+        self.assembler.limits_steps()
+    }
+
     /// Returns the largest fraction of the change `dq` from (q, t) that the terms allow, in (0, 1].
     pub(crate) fn largest_step(&mut self, q: &[f64], t: f64, dq: &[f64]) -> f64 {
         if !self.assembler.limits_steps() {

@@ -1,26 +1,14 @@
-//! Critical points: the lowest eigenpair of (K, M) at an equilibrium, the load factor at which it crosses zero, and
-//! the step onto the branch that starts there.
+//! Critical points: the load factor at which the lowest eigenvalue crosses zero, and the step onto the branch that
+//! starts there.
 
 use vi_core::State;
 
-use crate::assemble::hessian::HessianEvaluation;
-use crate::equilibrium::balance::Balance;
-use crate::equilibrium::newton;
+use crate::equilibrium::lowest_mode::lowest;
+use crate::equilibrium::newton::{self, Solved};
 use crate::equilibrium::options::{CriticalKind, CriticalPoint};
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
-use crate::linear::lanczos::lowest_pairs;
-use crate::linear::pencil::Pencil;
 use crate::vectors;
-
-/// Returns the lowest ω² (1/s²) of (K, M) at (q, t), and its mode with mass norm 1.
-pub(crate) fn lowest(balance: &mut Balance, q: &[f64], t: f64) -> Result<(f64, Vec<f64>), SolverError> {
-    let stiffness = balance.tangent(q, t, HessianEvaluation::Exact)?.clone();
-    let mass = balance.system.free_mass().to_vec();
-    let mut pencil = Pencil::lumped(stiffness, mass)?.interruptible(&balance.interrupt);
-    let mut pairs = lowest_pairs(&mut pencil, 1, 1e-6)?;
-    pairs.pop().map(|pair| (pair.value, pair.vector)).ok_or(SolverError::NotFactored)
-}
 
 impl Search<'_> {
     /// Finds the load factor between two equilibria at which the lowest eigenvalue changes its sign, and records it. Does
@@ -100,20 +88,30 @@ impl Search<'_> {
         Ok(if felt > 1e-4 * load { CriticalKind::Limit } else { CriticalKind::Bifurcation })
     }
 
-    /// Perturbs an unstable equilibrium along its critical mode and descends to a minimum of V at the same load.
-    /// Returns whether the result is stable.
-    pub(super) fn leave_branch(&mut self, state: &mut State, push: f64) -> Result<bool, SolverError> {
-        let (_, mode) = lowest(&mut self.balance, &state.q, state.t)?;
+    /// Perturbs the unstable equilibrium (q, t) along its critical mode and descends to a minimum of V at the same load.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Branch`] if no minimum is found, or [`SolverError::Interrupted`].
+    pub(super) fn leave_branch(&mut self, q: &[f64], t: f64, push: f64) -> Result<Vec<f64>, SolverError> {
+        let (lowest, mode) = lowest(&mut self.balance, q, t)?;
         let largest = vectors::max_abs(mode.len(), |k| mode[k]);
-        let mut q = state.q.clone();
         let step: Vec<f64> = mode.iter().map(|mode| push * mode / largest).collect();
-        let longest = self.balance.largest_step(&q, state.t, &step);
-        for (q, step) in q.iter_mut().zip(&step) {
-            *q += longest * step;
-        }
+        let longest = self.balance.largest_step(q, t, &step);
+        let mut q: Vec<f64> = q.iter().zip(&step).map(|(q, step)| q + longest * step).collect();
         let mut stop = newton::Stop { max_iterations: 10 * self.stop.max_iterations, ..self.stop };
-        newton::solve(&mut self.balance, &mut q, state.t, &mut stop)?;
-        state.q = q;
-        self.balance.is_stable(&state.q, state.t)
+        let Self { balance, constraints, .. } = self;
+        let descended = match constraints {
+            None => newton::descend(balance, &mut q, t, &mut stop),
+            Some(constraints) => constraints.meet(&mut q, |q| {
+                let solved = newton::descend(balance, q, t, &mut stop)?;
+                // It ends where the tangent is definite.
+                Ok((balance.positions(q, t), Solved { stayed_definite: true, ..solved }))
+            }),
+        };
+        match descended {
+            Ok(_) => Ok(q),
+            Err(error) if error.is_interruption() => Err(error),
+            Err(cause) => Err(SolverError::Branch { load_factor: t, lowest, push, cause: Box::new(cause) }),
+        }
     }
 }

@@ -7,8 +7,8 @@ use crate::assemble::finite::check_state;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::refuse_constraints;
 use crate::equilibrium::constrained::ConstraintForces;
-use crate::equilibrium::critical;
 use crate::equilibrium::friction::Rubbed;
+use crate::equilibrium::lowest_mode::lowest;
 use crate::equilibrium::newton::{PREDICTION, Solved, Stop};
 use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
@@ -128,6 +128,26 @@ impl Search<'_> {
                 && (was_stable || !judges)
                 && !self.report.steps.is_empty()
                 && ((lost_definiteness && judges) || has_leapt);
+            // An unstable equilibrium is left before it is accepted: if that fails, the step is halved.
+            let mut left = None;
+            if let Some(push) = self.options.push
+                && let Ok(_) = result
+                && !(has_friction || !judges || (may_have_snapped && tried > self.closest(span)))
+                && !self.balance.is_stable(&q, t)?
+            {
+                let known = self.report.critical.len();
+                if was_stable && self.options.find_critical {
+                    // The forces of constraints change beyond the branch.
+                    self.find_critical(state, &State { t, q: q.clone(), p: Vec::new() })?;
+                }
+                match self.leave_branch(&q, t, push) {
+                    Ok(minimum) => left = Some(minimum),
+                    Err(cause) => {
+                        self.report.critical.truncate(known);
+                        result = Err(cause);
+                    }
+                }
+            }
             match result {
                 // The step may have gone to another equilibrium; refine it before accepting it.
                 Ok(_) if may_have_snapped && tried > self.closest(span) => {
@@ -149,15 +169,14 @@ impl Search<'_> {
                     if (is_stable || !judges) && may_have_snapped {
                         self.report.jumps.push(before.t);
                     }
-                    if is_stable != was_stable && self.options.find_critical && !has_friction && judges {
+                    let is_new = left.is_none() && is_stable != was_stable;
+                    if is_new && self.options.find_critical && !has_friction && judges {
                         self.find_critical(&before, state)?;
                     }
-                    if !is_stable
-                        && !has_friction
-                        && judges
-                        && let Some(push) = self.options.push
-                    {
-                        is_stable = self.leave_branch(state, push)?;
+                    if let Some(minimum) = left {
+                        state.q = minimum;
+                        self.balance.accept(&state.q, t)?;
+                        is_stable = self.balance.is_stable(&state.q, t)?;
                     }
                     let step = LoadStep { load_factor: t, iterations, is_stable };
                     self.report.steps.push(step);
@@ -275,10 +294,8 @@ impl Search<'_> {
         // nothing about the path.
         let has_eigenvalues =
             self.balance.has_factor() && self.balance.friction.is_none() && self.balance.judges_stability();
-        let lowest = has_eigenvalues
-            .then(|| critical::lowest(&mut self.balance, &state.q, t).ok())
-            .flatten()
-            .map(|mode| mode.0);
+        let lowest =
+            has_eigenvalues.then(|| lowest(&mut self.balance, &state.q, t).ok()).flatten().map(|mode| mode.0);
         let last = Box::new(state.clone());
         SolverError::Equilibrium { load_factor: t, increment, lowest, last, cause: Box::new(cause) }
     }

@@ -4,6 +4,8 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::line_search::{Way, bend, line_search};
+use crate::equilibrium::lowest_mode::lowest;
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -47,13 +49,48 @@ pub(crate) struct Solved {
     pub(crate) stayed_definite: bool,
 }
 
+/// What a solve looks for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Goal {
+    /// An equilibrium, which is a minimum of V if the start lies in its basin.
+    Equilibrium,
+    /// A minimum of V beyond the unstable equilibrium at the start.
+    Minimum,
+}
+
+impl Goal {
+    /// Prepares solves with a positive definite substitute for the tangent.
+    fn substitute(self, balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
+        match self {
+            Self::Equilibrium => factorize_projected(balance, q, t),
+            Self::Minimum => factorize_beyond(balance, q, t),
+        }
+    }
+}
+
 /// Prepares solves with the tangent, or a positive definite substitute for it; returns whether the tangent was found to be
 /// positive definite.
 pub(super) fn factorize_definite(balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
+    factorize_for(Goal::Equilibrium, balance, q, t)
+}
+
+fn factorize_for(goal: Goal, balance: &mut Balance, q: &[f64], t: f64) -> Result<bool, SolverError> {
     if balance.factorize(q, t, HessianEvaluation::Exact, 0.0)?.is_ok() {
         return Ok(true);
     }
-    factorize_projected(balance, q, t).map(|()| false)
+    goal.substitute(balance, q, t).map(|()| false)
+}
+
+/// Prepares solves with K − 2 λ₁ M, where λ₁ < 0 is the lowest eigenvalue of (K, M). A correction then doubles the component of the
+/// way from a saddle point along its critical mode. Projected element by element, the tangent loses the compression that makes
+/// a body buckle, and corrections along the mode are λ₁ over the stiffness without load: 250 of them do not leave Euler's
+/// column at a load .2 % beyond the critical one.
+fn factorize_beyond(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), SolverError> {
+    let (lowest, _) = lowest(balance, q, t)?;
+    if lowest < 0.0 && balance.factorize(q, t, HessianEvaluation::Exact, -2.0 * lowest)?.is_ok() {
+        return Ok(());
+    }
+    factorize_projected(balance, q, t)
 }
 
 /// Prepares solves with a positive definite substitute for the tangent.
@@ -83,6 +120,7 @@ fn factorize_shifted(balance: &mut Balance, q: &[f64], t: f64) -> Result<(), Sol
 /// along the correction. Returns whether K was not replaced.
 fn correction(
     balance: &mut Balance,
+    goal: Goal,
     (q, t): (&[f64], f64),
     r: &[f64],
     accuracy: f64,
@@ -90,13 +128,12 @@ fn correction(
 ) -> Result<bool, SolverError> {
     for attempt in 0..3 {
         vectors::fill(out, |k| -r[k]);
-        let next = match balance.solve(out, accuracy) {
+        match balance.solve(out, accuracy) {
             Ok(()) if vectors::dot(out, r) < 0.0 => return Ok(attempt == 0),
-            Ok(()) => factorize_shifted,
-            Err(SolverError::NegativeCurvature { .. }) if attempt == 0 => factorize_projected,
+            Ok(()) => factorize_shifted(balance, q, t)?,
+            Err(SolverError::NegativeCurvature { .. }) if attempt == 0 => goal.substitute(balance, q, t)?,
             Err(error) => return Err(error),
-        };
-        next(balance, q, t)?;
+        }
     }
     Err(SolverError::NoConvergence { iterations: 0, residual: 1.0, tolerance: accuracy })
 }
@@ -109,6 +146,27 @@ pub(crate) fn solve(
     t: f64,
     stop: &mut Stop,
 ) -> Result<Solved, SolverError> {
+    iterate(balance, q, t, stop, Goal::Equilibrium)
+}
+
+/// Descends from `q`, near an unstable equilibrium, to a minimum of V at t: where the tangent is indefinite, corrections follow its
+/// negative curvature, and the iteration does not end. Overwrites `q` even if it fails.
+pub(crate) fn descend(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    stop: &mut Stop,
+) -> Result<Solved, SolverError> {
+    iterate(balance, q, t, stop, Goal::Minimum)
+}
+
+fn iterate(
+    balance: &mut Balance,
+    q: &mut [f64],
+    t: f64,
+    stop: &mut Stop,
+    goal: Goal,
+) -> Result<Solved, SolverError> {
     let n = q.len();
     let (mut r, mut step, mut trial) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
@@ -120,18 +178,21 @@ pub(crate) fn solve(
         if r.iter().all(|&r| r == 0.0) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
-        stayed_definite &= factorize_definite(balance, q, t)?;
-        if balance.is_round_off(&r) {
+        let mut is_definite = factorize_for(goal, balance, q, t)?;
+        stayed_definite &= is_definite;
+        if balance.is_round_off(&r) && (is_definite || goal == Goal::Equilibrium) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
         let accuracy = last.clamp(ACCURATE, ROUGH);
-        stayed_definite &= correction(balance, (q, t), &r, accuracy, &mut step)?;
+        is_definite &= correction(balance, goal, (q, t), &r, accuracy, &mut step)?;
+        stayed_definite &= is_definite;
         balance.work.newton_iterations += 1;
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
         let longest = balance.largest_step(q, t, &step);
         let relative = stop.relative(decrement);
         let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
-        let is_done = longest == 1.0 && (relative <= stop.tolerance || is_round_off);
+        let may_end = longest == 1.0 && (is_definite || goal == Goal::Equilibrium);
+        let is_done = may_end && (relative <= stop.tolerance || is_round_off);
         last = relative;
         if is_done || relative < WHOLE_STEPS_BELOW {
             for (q, step) in q.iter_mut().zip(&step) {
@@ -145,7 +206,12 @@ pub(crate) fn solve(
         }
         let (iterations, residual, tolerance) = (iteration, relative, stop.tolerance);
         let stalled = SolverError::NoConvergence { iterations, residual, tolerance };
-        let length = line_search(balance, q, t, (&step, longest), (&mut r, &mut trial), stalled)?;
+        let bend = match goal {
+            Goal::Equilibrium => None,
+            Goal::Minimum => bend(balance, (q, t), &step, &r)?,
+        };
+        let path = Way { step: &step, bend: bend.as_deref(), longest };
+        let length = line_search(balance, q, t, path, (&mut r, &mut trial), stalled)?;
         if balance.moves_too_far(&start, q, t) {
             return Err(SolverError::NoConvergence { iterations, residual: 1.0, tolerance });
         }
@@ -161,59 +227,4 @@ pub(crate) fn solve(
         residual: last,
         tolerance: stop.tolerance,
     })
-}
-
-/// Moves `q` along `step` as far as the energy decreases, by at most the fraction `longest` of it, and evaluates the
-/// residual there. Returns the fraction, or `stalled` if the energy does not decrease along it.
-fn line_search(
-    balance: &mut Balance,
-    q: &mut [f64],
-    t: f64,
-    (step, longest): (&[f64], f64),
-    (r, trial): (&mut [f64], &mut [f64]),
-    stalled: SolverError,
-) -> Result<f64, SolverError> {
-    const TRIALS: usize = 25;
-    let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
-    let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
-    let noise = 1e-14 * energy.abs();
-    let mut length = longest;
-    let mut failure = stalled;
-    for _ in 0..TRIALS {
-        balance.work.line_searches += 1;
-        for ((trial, q), step) in trial.iter_mut().zip(&*q).zip(step) {
-            *trial = q + length * step;
-        }
-        let mut next = 0.25 * length;
-        if balance.is_conservative() {
-            let change = balance.energy(trial, t) - energy;
-            if change <= 1e-4 * length * slope + noise {
-                match balance.residual(trial, t, r) {
-                    Ok(()) => {
-                        q.copy_from_slice(trial);
-                        return Ok(length);
-                    }
-                    Err(error) => failure = error,
-                }
-            } else if change.is_finite() {
-                // The minimum of the parabola through the known values.
-                let minimum = -0.5 * slope * length * length / (change - slope * length);
-                next = minimum.clamp(0.1 * length, 0.5 * length);
-            }
-        } else {
-            match balance.residual(trial, t, r) {
-                Ok(()) => {
-                    let there = vectors::sum(q.len(), |k| step[k] * r[k]);
-                    if there.abs() <= 0.9 * slope.abs() {
-                        q.copy_from_slice(trial);
-                        return Ok(length);
-                    }
-                    next = (length * slope / (slope - there)).clamp(0.1 * length, 0.5 * length);
-                }
-                Err(error) => failure = error,
-            }
-        }
-        length = next;
-    }
-    Err(failure)
 }

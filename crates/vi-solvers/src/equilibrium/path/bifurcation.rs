@@ -2,7 +2,7 @@
 
 use vi_core::State;
 
-use crate::equilibrium::critical;
+use crate::equilibrium::lowest_mode::lowest;
 use crate::equilibrium::options::{CriticalKind, CriticalPoint};
 use crate::equilibrium::path::branch::{Path, mass_product};
 use crate::equilibrium::path::corrector::Closure;
@@ -39,8 +39,8 @@ impl Path {
         before: &State,
         after: &State,
     ) -> Result<(), SolverError> {
-        let (first, _) = critical::lowest(&mut search.balance, &before.q, before.t)?;
-        let (last, _) = critical::lowest(&mut search.balance, &after.q, after.t)?;
+        let (first, _) = lowest(&mut search.balance, &before.q, before.t)?;
+        let (last, _) = lowest(&mut search.balance, &after.q, after.t)?;
         let mut low = Place { share: 0.0, load: before.t, lowest: first };
         let mut high = Place { share: 1.0, load: after.t, lowest: last };
         let (mut f_low, mut f_high) = (first, last);
@@ -94,7 +94,7 @@ impl Path {
         let closure = Closure::Chord { moved: &moved, moved_t, goal: share * squared };
         match self.clone().correct(search, before, &mut trial, closure, squared.sqrt()) {
             Ok(_) => {
-                let (lowest, _) = critical::lowest(&mut search.balance, &trial.q, trial.t)?;
+                let (lowest, _) = lowest(&mut search.balance, &trial.q, trial.t)?;
                 Ok(Some(Place { share, load: trial.t, lowest }))
             }
             Err(error) if error.is_interruption() => Err(error),

@@ -2,7 +2,7 @@
 
 use vi_core::State;
 
-use crate::equilibrium::critical;
+use crate::equilibrium::lowest_mode::lowest;
 use crate::equilibrium::options::{CriticalKind, CriticalPoint};
 use crate::equilibrium::path::branch::{Path, Tangent, mass_product};
 use crate::equilibrium::search::Search;
@@ -73,8 +73,8 @@ pub(super) fn note_limit(
     after: &State,
     load_factor: f64,
 ) -> Result<(), SolverError> {
-    let (first, _) = critical::lowest(&mut search.balance, &before.q, before.t)?;
-    let (last, _) = critical::lowest(&mut search.balance, &after.q, after.t)?;
+    let (first, _) = lowest(&mut search.balance, &before.q, before.t)?;
+    let (last, _) = lowest(&mut search.balance, &after.q, after.t)?;
     let (kind, error) = (CriticalKind::Limit, 0.0);
     search.report.critical.push(CriticalPoint { kind, load_factor, error, eigenvalues: [first, last] });
     Ok(())
