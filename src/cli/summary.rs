@@ -44,12 +44,11 @@ pub(super) fn summary(report: &Report, directory: &Path) {
     }
     for event in report.guard["events"].as_array().into_iter().flatten() {
         let number = |key: &str| event[key].as_f64().unwrap_or(f64::NAN);
-        out!(
-            "energy guard: {:.3e} J gained at t = {:.4e} s; went on {}",
-            number("joules"),
-            number("t"),
-            event["action"].as_str().unwrap_or_default()
-        );
+        let cause = match event["failure"].as_str() {
+            Some(failure) => format!("the step after t = {:.4e} s failed ({failure})", number("t")),
+            None => format!("{:.3e} J gained at t = {:.4e} s", number("joules"), number("t")),
+        };
+        out!("energy guard: {cause}; went on {}", event["action"].as_str().unwrap_or_default());
     }
     // A static solution has no motion, and so no drift.
     let drift = report.energy_drift;

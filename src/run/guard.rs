@@ -22,7 +22,7 @@ const NOISE: f64 = 1e-11;
 /// An action of the guard.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GuardEvent {
-    /// The step after which the growth was found.
+    /// The step after which the growth was found, or the last one before a step that failed.
     pub step: u64,
     /// Time of the action, s.
     pub t: f64,
@@ -30,11 +30,13 @@ pub struct GuardEvent {
     pub joules: f64,
     /// Growth relative to the exchange.
     pub relative: f64,
+    /// Why a step failed, if that is the reason for the action; the growth is then that of the last observation before it.
+    pub failure: Option<String>,
     /// The action, and the time from which it holds.
     pub action: String,
 }
 
-record!(GuardEvent { step: u64, t: f64, joules: f64, relative: f64, action: String });
+record!(GuardEvent { step: u64, t: f64, joules: f64, relative: f64, failure: Option<String>, action: String });
 
 /// Growth of energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -83,6 +85,8 @@ pub(crate) struct Watching {
     pub(crate) warns_above: f64,
     /// Whether it examines the kinetic energy first, and observes only if that is suspicious.
     pub(crate) watches_motion: bool,
+    /// The longest step that is advised, s: safely below the stability limit at the start; infinite if there is none.
+    pub(crate) longest_advised: f64,
 }
 
 /// Monitors the energy of a run.
@@ -178,11 +182,18 @@ impl EnergyGuard {
         (steps > 2).then_some(bound.max(error))
     }
 
-    /// Records the action against the growth that was `seen` after `step` (at t, s). The run has gone back to a good
-    /// state before. The growth at that state counts towards the bound, except for the part above `kept_below`, which
-    /// is accepted: a run that continues from a checkpoint cannot go back further.
-    pub(crate) fn act(&mut self, step: u64, t: f64, action: String, seen: Growth) {
-        let event = GuardEvent { step, t, joules: seen.now, relative: seen.now / seen.exchange, action };
+    /// Records the action against the growth that was `seen` after `step` (at t, s), or against the `failure` of the step after it. The
+    /// run has gone back to a good state before. The growth at that state counts towards the bound, except for the part above
+    /// `kept_below`, which is accepted: a run that continues from a checkpoint cannot go back further.
+    pub(crate) fn act(
+        &mut self,
+        (step, t): (u64, f64),
+        action: String,
+        failure: Option<String>,
+        seen: Growth,
+    ) {
+        let (joules, relative) = (seen.now, seen.now / seen.exchange);
+        let event = GuardEvent { step, t, joules, relative, failure, action };
         self.events.push(event);
         self.growth.accepted = self.growth.accepted.max(self.growth.now - self.kept_below());
     }
@@ -195,28 +206,69 @@ impl EnergyGuard {
 
     /// Returns a warning if growth exceeded the bound and the run was not ended.
     pub(crate) fn warning(&self) -> Option<String> {
-        let relative = self.relative();
-        if self.watching.rule.action == GuardAction::Off || relative <= self.watching.warns_above {
-            return None;
-        }
-        let Growth { largest, exchange, .. } = self.growth;
-        Some(format!(
-            "the energy grew without a source by {largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that motion \
-             and deformation received; use a smaller step, or let [guard] act on it"
-        ))
+        let remedy = match self.events.is_empty() {
+            true => "use a smaller step, or let [guard] act on it",
+            false => "use a smaller step than the guard did",
+        };
+        self.has_grown().then(|| format!("the energy grew without a source by {}; {remedy}", self.gain()))
     }
 
-    /// Returns what the guard did last and what would have been right, if it acted.
-    fn advice(&self) -> Option<String> {
-        let GuardEvent { t, relative, action, .. } = self.events.last()?;
-        let times = match self.events.len() {
-            1 => String::new(),
-            count => format!(" {count} times, the last time"),
+    /// Returns whether growth exceeded the bound and the run was not ended.
+    fn has_grown(&self) -> bool {
+        self.watching.rule.action != GuardAction::Off && self.relative() > self.watching.warns_above
+    }
+
+    /// Describes the largest growth.
+    fn gain(&self) -> String {
+        let (Growth { largest, exchange, .. }, relative) = (self.growth, self.relative());
+        format!(
+            "{largest:.3e} J, {relative:.1e} of the {exchange:.3e} J that motion and deformation received"
+        )
+    }
+
+    /// Returns the events that growth caused, and those that failed steps caused.
+    fn causes(&self) -> [Vec<&GuardEvent>; 2] {
+        let (failed, grown) = self.events.iter().partition(|event| event.failure.is_some());
+        [grown, failed]
+    }
+
+    /// Returns what the guard did last and which steps would be right, if it acted. The run ends with steps of `part` (s).
+    fn advice(&self, part: f64, is_switched: bool) -> Option<String> {
+        let GuardEvent { action, .. } = self.events.last()?;
+        let [grown, failed] = self.causes();
+        let mut found = Vec::new();
+        if let Some(GuardEvent { t, relative, .. }) = grown.last() {
+            let times = match grown.len() {
+                1 => String::new(),
+                count => format!(" {count} times, the last time"),
+            };
+            found.push(format!(
+                "the energy had grown without a source{times} by {relative:.1e} of what motion and deformation received at \
+                 t = {t:e} s"
+            ));
+        }
+        if let Some(GuardEvent { t, failure, .. }) = failed.last() {
+            let steps = match failed.len() {
+                1 => "a step failed".to_owned(),
+                count => format!("{count} steps failed, the last one"),
+            };
+            found.push(format!("{steps} at t = {t:e} s: {}", failure.as_deref().unwrap_or_default()));
+        }
+        let longest = self.watching.longest_advised;
+        let step = match (is_switched, longest < part) {
+            (false, false) if self.has_grown() => format!("a step below {part:.3e} s"),
+            (true, _) if longest.is_infinite() => "a smaller step".to_owned(),
+            (true, _) | (false, true) => format!("a step of {longest:.3e} s"),
+            (false, false) => format!("a step of {part:.3e} s"),
+        };
+        let still = match self.has_grown() {
+            true => format!("; in all the energy still grew by {}", self.gain()),
+            false => String::new(),
         };
         Some(format!(
-            "the energy had grown without a source{times} by {relative:.1e} of what motion and deformation received at \
-             t = {t:e} s; the run went back and continued {action}. Use such a step from the start, or scheme = \
-             \"energy-momentum\""
+            "{}; the run went back and continued {action}{still}. Use {step} from the start, or scheme = \
+             \"energy-momentum\"",
+            found.join("; ")
         ))
     }
 
@@ -225,7 +277,7 @@ impl EnergyGuard {
         json!({
             "action": self.watching.rule.action, "bound": self.watching.rule.bound, "growth": self.growth.largest,
             "exchange": self.growth.exchange, "relative_growth": self.relative(),
-            "resolution": self.resolution, "exceeded": self.warning().is_some(), "events": self.events,
+            "resolution": self.resolution, "exceeded": self.has_grown(), "failed_steps": self.causes()[1].len(), "events": self.events,
         })
     }
 }
@@ -254,10 +306,11 @@ impl Observer for EnergyGuard {
         Ok(())
     }
 
-    fn report(&self, _: &Simulation, report: &mut Report) {
+    fn report(&self, simulation: &Simulation, report: &mut Report) {
         report.guard = self.account();
         report.warning = self.warning();
-        report.notes.extend(self.warning());
-        report.notes.extend(self.advice());
+        // The advice after an action includes the warning, so that there is one statement about the step.
+        let advice = self.advice(simulation.part(), simulation.is_switched());
+        report.notes.extend(advice.or_else(|| self.warning()));
     }
 }

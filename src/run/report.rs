@@ -237,7 +237,7 @@ impl Report {
         let (what, remedy) = match hard {
             0 => (
                 "the energy guard changed the step during the run".to_owned(),
-                "use its last step from the start",
+                "a step that is short enough from the start is not changed",
             ),
             _ => (
                 format!("{hard} of {} steps were cut where they were hard to solve", self.steps),

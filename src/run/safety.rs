@@ -1,5 +1,7 @@
 //! Keeps states of a run to go back to, responds to the energy guard, saves checkpoints and resumes from them.
 
+use vi_solvers::SolverError;
+
 use super::checkpoint::{Checkpoint, CheckpointError};
 use super::error::RunError;
 use super::guard::Growth;
@@ -30,9 +32,9 @@ impl Run {
         self.good.is_some() && self.simulation.part() > self.simulation.step_size() / 1024.0
     }
 
-    /// Responds to growth beyond the bound: goes back to the last good state with a smaller step or another scheme, or
-    /// ends the run.
-    pub(super) fn answer(&mut self) -> Result<(), RunError> {
+    /// Responds to growth beyond the bound, or to the `failure` of a step: goes back to the last good state with a smaller step or
+    /// another scheme, or ends the run.
+    pub(super) fn answer(&mut self, failure: Option<&SolverError>) -> Result<(), RunError> {
         let (step, t) = (self.simulation.steps(), self.simulation.time());
         let end = |run: &Self, after| {
             let Growth { now, exchange, .. } = run.observers.guard.growth;
@@ -67,7 +69,8 @@ impl Run {
         };
         let seen = self.observers.guard.growth;
         self.observers.restore(&good.observers)?;
-        self.observers.guard.act(step, t, action, seen);
+        let failure = failure.map(ToString::to_string);
+        self.observers.guard.act((step, t), action, failure, seen);
         Ok(())
     }
 

@@ -27,7 +27,7 @@ use super::state::Run;
 use super::watch::Watch;
 use crate::auto::AutoReport;
 use crate::scene::{Guard, GuardAction, history_columns};
-use crate::simulation::stability::stability;
+use crate::simulation::stability::{StabilityNote, stability};
 use crate::simulation::{Observation, Simulation, Snapshot, TOGETHER};
 
 /// Number of steps after which the guard of a scene without `[guard]` examines the kinetic energy of explicit steps,
@@ -142,6 +142,11 @@ impl Run {
         let mut warns_above = rule.bound;
         let is_unasked = scene.guard.is_none() && !is_auto;
         let watches_motion = is_unasked && method.is_explicit;
+        let longest_advised = stability
+            .as_ref()
+            .ok()
+            .and_then(Option::as_ref)
+            .map_or(f64::INFINITY, StabilityNote::advised_step);
         if is_unasked {
             warns_above = WARNS_ABOVE;
         }
@@ -158,7 +163,14 @@ impl Run {
         let observers = Observers {
             ledger: LedgerKeeper::new(&first, resolution),
             guard: EnergyGuard::new(
-                Watching { rule, is_stated: scene.guard.is_some(), stride, warns_above, watches_motion },
+                Watching {
+                    rule,
+                    is_stated: scene.guard.is_some(),
+                    stride,
+                    warns_above,
+                    watches_motion,
+                    longest_advised,
+                },
                 method.order,
                 &first,
                 resolution,
@@ -306,9 +318,9 @@ impl Run {
                 return Err(RunError::Step { step: step + 1, source });
             }
             // An explicit scheme fails if its energy has grown beyond all bounds since the last observation of the
-            // guard.
-            Err(_) if self.simulation.method().facts().is_explicit && self.can_go_back() => {
-                return self.answer();
+            // guard, or if a step leaves the domain of a term.
+            Err(error) if self.simulation.method().facts().is_explicit && self.can_go_back() => {
+                return self.answer(Some(&error.cause));
             }
             Err(source) => return Err(RunError::Step { step: step + 1, source }),
         };
@@ -324,11 +336,15 @@ impl Run {
         {
             let seen = self.simulation.observe();
             if !seen.is_finite() {
-                return if self.can_go_back() { self.answer() } else { Err(self.overflow()) };
+                if !self.can_go_back() {
+                    return Err(self.overflow());
+                }
+                let fault = self.simulation.fault();
+                return self.answer(Some(&fault));
             }
             self.observers.see_energies(&seen)?;
             if self.observers.guard.rule().acts() && self.observers.guard.is_exceeded(step) {
-                return self.answer();
+                return self.answer(None);
             }
             if row_is_due {
                 self.write_row(seen)?;

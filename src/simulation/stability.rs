@@ -24,6 +24,11 @@ pub struct StabilityNote {
 }
 
 impl StabilityNote {
+    /// Returns the longest step that is advised, s: a tenth below the limit, or infinity if a scheme is unstable at any step.
+    pub fn advised_step(&self) -> f64 {
+        if self.step_limit == 0.0 { f64::INFINITY } else { 0.9 * self.step_limit }
+    }
+
     /// Returns advice for a run that became unstable with a step slightly below the limit at the start.
     pub fn diagnosis(&self) -> Option<String> {
         let share = self.step / self.step_limit;
@@ -57,7 +62,7 @@ impl StabilityNote {
                 "the step {h:.3e} s is above the stability limit {limit:.3e} s of {name} (highest frequency {:.4e} rad/s{damping}): \
                  the run will become unstable; use a step of {:.3e} s or an implicit scheme",
                 self.highest_frequency,
-                0.9 * limit
+                self.advised_step()
             )
         })
     }

@@ -174,6 +174,108 @@ fn the_note_on_the_guard_tells_one_event() {
     assert!(note.contains(last["action"].as_str().unwrap()), "{last} {note}");
 }
 
+/// A step that leaves the domain of a law is named as such and counted apart from growth of energy, of which alone the note tells sizes.
+#[test]
+fn a_failed_step_is_told_apart_from_growth() {
+    let program = Program::run(
+        r#"
+[time]
+end = 1.2
+step = 0.002
+scheme = "stormer-verlet"
+[[body]]
+name = "b"
+box = { size = [0.4, 0.1, 0.1], cells = [4, 1, 1], element = "hex8" }
+material = { law = "neo-hookean", young = 2.0e5, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "b"
+region = "x-min"
+motion = { kind = "rotate", axis = [0, 0, 1], rate = 50.0, point = [0, 0.05, 0.05], start = 0.5, end = 0.7 }
+"#,
+    );
+    let report = program.report();
+    let events = report["guard"]["events"].as_array().unwrap();
+    let failed: Vec<&str> = events.iter().filter_map(|event| event["failure"].as_str()).collect();
+    assert!(!failed.is_empty() && report["guard"]["failed_steps"] == failed.len(), "{events:?}");
+    assert!(
+        failed.iter().all(|failure| failure.contains("element") && failure.contains("det F")),
+        "{failed:?}"
+    );
+    let grown: Vec<f64> = (events.iter().filter(|event| event["failure"].is_null()))
+        .map(|event| event["relative"].as_f64().unwrap())
+        .collect();
+    assert!(grown.iter().all(|&relative| relative > 1.0), "{grown:?}");
+    let notes = report["notes"].to_string();
+    assert!(notes.contains(failed.last().unwrap()) && notes.contains("went back"), "{notes}");
+    assert_eq!(notes.contains("the energy had grown"), !grown.is_empty(), "{notes}");
+}
+
+/// After the guard has acted, one note tells which step would be right: no longer than the last one, nor than the one that was advised
+/// before the run, and a shorter one than the last if the energy has grown even with it.
+#[test]
+fn the_guard_advises_one_step() {
+    let chain = r#"
+gravity = [0, -9.81, 0]
+[time]
+end = 0.3
+step = 0.03
+scheme = "stormer-verlet"
+[[rigid]]
+name = "a"
+shape = { kind = "rod", length = 0.6, radius = 0.02 }
+density = 1000.0
+position = [0.3, 0, 0]
+[[joint]]
+kind = "ball"
+body = "a"
+point = [0, 0, 0]
+[[body]]
+name = "block"
+box = { size = [0.05, 0.05, 0.05], cells = [1, 1, 1], element = "hex8", origin = [0.6, -0.025, -0.025] }
+material = { law = "neo-hookean", young = 1.0e5, poisson = 0.3, density = 1000.0 }
+[[attach]]
+body = "block"
+region = "x-min"
+to = "a"
+"#;
+    let spinning = r#"
+[time]
+end = 3.0
+step = 0.01
+scheme = "symplectic-euler-a"
+[[body]]
+name = "b"
+box = { size = [0.3, 0.1, 0.2], cells = [3, 1, 2], element = "tet4" }
+material = { law = "stable-neo-hookean", young = 5.0e4, poisson = 0.35, density = 1000.0 }
+angular_velocity = [1, 7, 0.5]
+displacement = ["0.1*x", "0", "0"]
+[output]
+history = 1
+"#;
+    for (scene, still_grows) in [(chain, false), (spinning, true)] {
+        let report = Program::run(scene).report();
+        let notes: Vec<&str> =
+            report["notes"].as_array().unwrap().iter().filter_map(|note| note.as_str()).collect();
+        // Returns the length that follows these words, s.
+        let after = |words: &str| {
+            let found: Vec<f64> = (notes.iter().flat_map(|note| note.split(words).skip(1)))
+                .filter_map(|rest| rest.split_whitespace().next()?.parse().ok())
+                .collect();
+            assert!(found.len() <= 1, "{words}: {notes:?}");
+            found.first().copied()
+        };
+        let last = after("on with steps of ").unwrap();
+        let before = after("unstable; use a step of ").unwrap();
+        let (advised, below) = (after("Use a step of "), after("Use a step below "));
+        assert!(advised.is_some() != below.is_some(), "{notes:?}");
+        let step = advised.or(below).unwrap();
+        assert!((step - last.min(before)).abs() < 1e-3 * step, "{step} s: {notes:?}");
+        assert_eq!(below.is_some(), still_grows && last <= before, "{notes:?}");
+        let count = |words: &str| notes.iter().filter(|note| note.contains(words)).count();
+        assert!(count("went back") == 1 && count("without a source") <= 1, "{notes:?}");
+    }
+}
+
 /// A bound that the scene states is no laxer than the default: a scheme of order 1 is judged from the third step on, by 4/n after n steps
 /// until that is below the bound.
 #[test]
