@@ -425,6 +425,53 @@ history = 1
     assert!((few.0 - many.0).abs() < 1e-3 * many.1, "{few:?} {many:?}");
 }
 
+/// Without constraints too, a truncated step gives no energy: a block swings on a spring, with steps from a tenth of its period to half
+/// of it. Nor does it lose more than backward Euler needs to lose: with shorter steps and enough solves, less is lost.
+#[test]
+fn truncated_steps_gain_no_energy_without_constraints() {
+    let run = |step: f64, solves: u32, stiffness: f64, length: f64| {
+        let run = Program::run(&format!(
+            r#"
+[time]
+end = 1.5
+step = {step}
+scheme = "truncated-euler"
+solves = {solves}
+[[body]]
+name = "b"
+box = {{ size = [0.1, 0.1, 0.1], cells = [1, 1, 1], element = "hex8", origin = [0.95, -0.05, -0.05] }}
+material = {{ law = "st-venant-kirchhoff", young = 1.0e5, poisson = 0.3, density = 1000.0 }}
+velocity = [0.0, 1.5, 0.0]
+[[spring]]
+from = {{ body = "b", point = [0.95, -0.05, -0.05] }}
+to = {{ point = [0, 0, 0] }}
+stiffness = {stiffness}
+length = {length}
+[guard]
+action = "off"
+[output]
+history = 1
+"#
+        ));
+        run.history()
+    };
+    for (stiffness, length) in [(5.0, 0.5), (5.0, 0.0), (50.0, 0.5)] {
+        for (step, solves) in [(0.5, 4), (0.3, 2), (0.1, 1), (0.1, 2), (0.1, 30)] {
+            let history = run(step, solves, stiffness, length);
+            let (total, kinetic) = (history.column("total"), history.column("kinetic"));
+            let scale = kinetic.iter().copied().fold(0.0, f64::max);
+            for pair in total.windows(2) {
+                assert!(pair[1] <= pair[0] + 1e-12 * scale, "{step} s, {solves}, {stiffness} N/m: {total:?}");
+            }
+        }
+    }
+    let lost = [4e-3, 2e-3, 1e-3].map(|step| {
+        let history = run(step, 30, 5.0, 0.5);
+        history.first("total") - history.last("total")
+    });
+    assert!(lost[1] < 0.6 * lost[0] && lost[2] < 0.6 * lost[1] && lost[2] > 0.0, "{lost:?}");
+}
+
 /// A stiff cloth looks softer if its solves are too few, and the run says so; of a soft one, for which they suffice, it does not.
 #[test]
 fn solves_that_stop_far_from_convergence_are_told() {

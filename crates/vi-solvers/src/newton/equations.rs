@@ -61,8 +61,7 @@ pub(crate) trait Equations {
     /// otherwise stops doing so. Does nothing without constraints.
     fn keep_constraints(&mut self, _keeps: bool) {}
     /// Shortens the whole step until the energy at its end, less the work of loads, is at most the energy at its
-    /// beginning. Does so only if iterates are kept on the manifold of the constraints and no prescribed coordinate
-    /// moves. Evaluates −R at the new end.
+    /// beginning. Does so only if there is a merit and no prescribed coordinate moves. Evaluates −R at the new end.
     fn restrain(&mut self, _system: &System, _evaluator: &mut Evaluator) -> Result<(), SolverError> {
         Ok(())
     }

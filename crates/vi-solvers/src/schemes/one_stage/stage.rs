@@ -373,9 +373,9 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn restrain(&mut self, system: &System, evaluator: &mut Evaluator) -> Result<(), SolverError> {
         // Supports that move give energy by the forces of constraints, which are not known well enough to judge the end by.
-        match self.stage.is_kept() && !system.coordinates().is_moving() {
-            true => self.shorten_step(system, evaluator),
-            false => Ok(()),
+        match system.coordinates().is_moving() {
+            true => Ok(()),
+            false => self.shorten_step(system, evaluator),
         }
     }
 
