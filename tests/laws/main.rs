@@ -4,6 +4,7 @@ mod accuracy;
 mod conservation;
 mod convergence;
 mod determinism;
+mod guard;
 mod known_answers;
 mod measured;
 #[path = "../program/mod.rs"]
@@ -13,4 +14,5 @@ mod properties;
 mod random;
 mod safety;
 mod stress;
+mod truncated;
 mod work_of_loads;
