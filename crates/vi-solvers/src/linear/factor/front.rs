@@ -125,11 +125,10 @@ fn drop_negligible<T: Scalar>(factor: MatMut<'_, T>) {
 }
 
 /// Computes below ← below · L⁻ᵀ, with tiles of rows in parallel.
-fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, below: MatMut<'_, T>) {
+fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, mut below: MatMut<'_, T>) {
     let rows = below.nrows();
     if rows <= TILE {
         if rows > 0 {
-            let mut below = below;
             solve_lower_triangular_in_place(diagonal, below.as_mut().transpose_mut(), Par::Seq);
             drop_negligible(below);
         }

@@ -23,6 +23,9 @@ pub trait Scalar:
     /// less than their round-off, and so much that products are normal numbers.
     const NEGLIGIBLE: Self;
     /// Number of columns that a tiled front eliminates at a time.
+    ///
+    /// In single precision all fronts with more columns are tiled, so that few entries are computed from negligible ones: before matrices
+    /// were balanced, a factor of the flag of 5043 equations took 18 ms without tiles and 11 ms with 32 columns.
     const PANEL: usize;
     /// Returns the number nearest to `value`.
     fn of(value: f64) -> Self;
