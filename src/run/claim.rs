@@ -4,8 +4,10 @@
 //! ends, however it ends. So the file of a killed process blocks nobody, even if its process number is in use again.
 
 use std::fs::{self, File, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::thread;
+use std::time::Duration;
 
 use same_file::Handle;
 
@@ -24,7 +26,7 @@ pub enum ClaimError {
     Held {
         /// The directory.
         directory: PathBuf,
-        /// `process 123`, or `another process` if its number is not known yet.
+        /// `process 123`, or `another process` if its number cannot be read.
         holder: String,
     },
     /// The directory or its lock file cannot be created.
@@ -124,12 +126,20 @@ impl Drop for Claim {
     }
 }
 
+/// Returns `process 123`, or `another process` if its number cannot be read. The holder writes its number just after it
+/// has locked the file, so an incomplete line is read again, for up to a second.
 fn holder(mut file: File) -> String {
-    let mut text = String::new();
-    match file.read_to_string(&mut text) {
-        Ok(_) if text.starts_with("process ") => text.trim_end().to_owned(),
-        _ => "another process".to_owned(),
+    for _ in 0..100 {
+        let mut text = String::new();
+        if file.rewind().and_then(|()| file.read_to_string(&mut text)).is_err() {
+            break;
+        }
+        if text.starts_with("process ") && text.ends_with('\n') {
+            return text.trim_end().to_owned();
+        }
+        thread::sleep(Duration::from_millis(10));
     }
+    "another process".to_owned()
 }
 
 #[cfg(test)]
@@ -146,6 +156,23 @@ mod tests {
         assert!(matches!(&error, ClaimError::Held { holder, .. } if *holder == own), "{error}");
         drop(claim);
         assert!(!parent.path().join("a").exists());
+    }
+
+    /// The number of a holder that is between its lock and its signature is awaited.
+    #[test]
+    fn a_holder_that_has_not_signed_yet_is_named() {
+        let directory = tempfile::tempdir().unwrap();
+        let mut claim = Claim::new(directory.path()).unwrap();
+        let file = claim.lock.as_file_mut();
+        file.set_len(0).and_then(|()| file.rewind()).unwrap();
+        let own = format!("process {}", std::process::id());
+        thread::scope(|scope| {
+            let other = scope.spawn(|| Claim::new(directory.path()).unwrap_err());
+            thread::sleep(Duration::from_millis(50));
+            claim.sign().unwrap();
+            let error = other.join().unwrap();
+            assert!(matches!(&error, ClaimError::Held { holder, .. } if *holder == own), "{error}");
+        });
     }
 
     #[test]
