@@ -12,6 +12,7 @@ pub(crate) mod matrix;
 pub(crate) mod matrix_sum;
 pub(crate) mod minres;
 pub(crate) mod model;
+pub(crate) mod nodal_matrix;
 mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;

@@ -8,7 +8,6 @@ use vi_core::{Acting, Coordinates, System};
 
 use crate::assemble::compliance::Compliance;
 use crate::index::{NONE, free_of};
-use crate::linear::unsymmetric::Unsymmetric;
 
 /// The forces of pairs at the last evaluation.
 pub(crate) struct Pairs {
@@ -144,11 +143,6 @@ impl Pairs {
         });
     }
 
-    /// Adds factor · Σ a ⊗ b to a matrix.
-    pub(crate) fn add_to(&self, factor: f64, matrix: &mut Unsymmetric) {
-        self.for_each_tangent(|left, right| matrix.add_outer(factor, left, right));
-    }
-
     /// Adds factor · (Σ a ⊗ b) v to `out`.
     pub(crate) fn add_product(&self, factor: f64, v: &[f64], out: &mut [f64]) {
         self.for_each_tangent(|left, right| {
@@ -160,7 +154,7 @@ impl Pairs {
     }
 
     /// Calls `each` with the factors a and b of each tangent, as free coordinates and values.
-    fn for_each_tangent(&self, mut each: impl FnMut(&[(u32, f64)], &[(u32, f64)])) {
+    pub(crate) fn for_each_tangent(&self, mut each: impl FnMut(&[(u32, f64)], &[(u32, f64)])) {
         let mut start = 0;
         for pair in self.ends.chunks_exact(2) {
             let [middle, end] = [pair[0] as usize, pair[1] as usize];

@@ -7,12 +7,13 @@
 //! stacks that alternate with the depth of the tree. Every solve is checked against the A that was factored.
 
 mod front;
+pub(crate) mod lu;
 mod panel;
 mod scalar;
 mod solve;
 mod tree;
+mod walk;
 
-use std::marker::PhantomData;
 use std::sync::Arc;
 
 use vi_core::binary_exponent;
@@ -21,7 +22,9 @@ use crate::error::{NotPositiveDefinite, SolverError};
 use crate::linear::matrix::SymmetricMatrix;
 use crate::vectors::per_unit;
 use scalar::Scalar;
-use tree::{Family, Supernode, Tree};
+use solve::Factors;
+use tree::Tree;
+use walk::{Front, Walk};
 
 /// Largest allowed backward error. The round-off of a valid factor stays far below it, however badly conditioned A
 /// is.
@@ -151,13 +154,20 @@ impl<T: Scalar> Cholesky<T> {
         let (tree, matrix) = (&self.tree, &self.matrix);
         let walk = Walk {
             tree,
-            values: &matrix.values,
+            sides: [&matrix.values],
             scale: self.scale,
             block: matrix.pattern.block,
-            number: PhantomData,
+            eliminate: |front: Front<'_, T>| {
+                front::eliminate(
+                    front.panel,
+                    front.node.rows,
+                    front.node.columns,
+                    front.update,
+                    front.is_fresh,
+                )
+            },
         };
-        let [stack, spare] = &mut self.stacks;
-        walk.family(&tree.roots, &mut self.panels, stack, spare).map_err(|position| {
+        walk.run(&mut self.panels, &mut self.stacks).map_err(|position| {
             let free = tree.permutation[position] as usize;
             NotPositiveDefinite { free }
         })?;
@@ -273,7 +283,8 @@ impl<T: Scalar> Cholesky<T> {
         for (value, &free) in self.permuted.iter_mut().zip(&self.tree.permutation) {
             *value = T::of(x[free as usize] * inverse * balance(free));
         }
-        solve::solve(&self.tree, &self.panels, &mut self.permuted, &mut self.shared);
+        let factors = Factors { tree: &self.tree, panels: &self.panels, sides: 1, order: &[] };
+        solve::solve(factors, &mut self.permuted, &mut self.shared);
         let unit = unit * self.scale;
         for (value, &free) in self.permuted.iter().zip(&self.tree.permutation) {
             x[free as usize] = value.value() * unit * balance(free);
@@ -322,160 +333,4 @@ fn per_root(entry: f64) -> f64 {
 
 fn norm(x: &[f64]) -> f64 {
     x.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// The input of a factorisation. Its errors are the position of the coordinate whose pivot is not positive.
-struct Walk<'a, T> {
-    tree: &'a Tree,
-    /// The values of A.
-    values: &'a [f64],
-    /// The scale s.
-    scale: f64,
-    block: usize,
-    number: PhantomData<T>,
-}
-
-impl<T: Scalar> Walk<'_, T> {
-    /// Eliminates the subtrees of a family. Leaves their updates in `stack`; `panels` holds their panels.
-    fn family(
-        &self,
-        family: &Family,
-        panels: &mut [T],
-        stack: &mut [T],
-        spare: &mut [T],
-    ) -> Result<(), usize> {
-        let members = &self.tree.members[family.members.clone()];
-        if family.parallel {
-            return self.side_by_side(members, panels, stack, spare);
-        }
-        let mut rest = panels;
-        for &member in members {
-            let node = &self.tree.supernodes[member as usize];
-            let (panels, others) = rest.split_at_mut(self.subtree_length(node));
-            rest = others;
-            let own = &mut stack[node.update..][..node.own];
-            self.subtree(node, panels, own, &mut spare[..node.other])?;
-        }
-        Ok(())
-    }
-
-    fn side_by_side(
-        &self,
-        members: &[u32],
-        panels: &mut [T],
-        stack: &mut [T],
-        spare: &mut [T],
-    ) -> Result<(), usize> {
-        let supernodes = &self.tree.supernodes;
-        match members {
-            [] => Ok(()),
-            &[member] => self.subtree(&supernodes[member as usize], panels, stack, spare),
-            _ => {
-                let (left, right) = members.split_at(members.len() / 2);
-                let sum = |length: &dyn Fn(&Supernode) -> usize| {
-                    left.iter().map(|&member| length(&supernodes[member as usize])).sum::<usize>()
-                };
-                let (left_panels, right_panels) = panels.split_at_mut(sum(&|node| self.subtree_length(node)));
-                let (left_stack, right_stack) = stack.split_at_mut(sum(&|node| node.own));
-                let (left_spare, right_spare) = spare.split_at_mut(sum(&|node| node.other));
-                let (on_left, on_right) = rayon::join(
-                    || self.side_by_side(left, left_panels, left_stack, left_spare),
-                    || self.side_by_side(right, right_panels, right_stack, right_spare),
-                );
-                on_left.and(on_right)
-            }
-        }
-    }
-
-    /// Returns the number of entries in the panels of a subtree.
-    fn subtree_length(&self, node: &Supernode) -> usize {
-        node.panel + node.panel_length() - self.tree.supernodes[node.subtree].panel
-    }
-
-    /// Eliminates a subtree. Its panels end with that of the root; its update is left at the start of `own`.
-    fn subtree(
-        &self,
-        node: &Supernode,
-        panels: &mut [T],
-        own: &mut [T],
-        other: &mut [T],
-    ) -> Result<(), usize> {
-        let (descendants, panel) = panels.split_at_mut(panels.len() - node.panel_length());
-        self.family(&node.children, descendants, other, own)?;
-        panel.fill(T::default());
-        self.add_entries(node, panel);
-        let update = &mut own[..node.below() * node.below()];
-        let members = &self.tree.members[node.children.members.clone()];
-        if !members.is_empty() {
-            update.fill(T::default());
-        }
-        for &child in members {
-            self.add_update(node, &self.tree.supernodes[child as usize], other, panel, update);
-        }
-        front::eliminate(panel, node.rows, node.columns, update, members.is_empty())
-            .map_err(|column| node.first + column)
-    }
-
-    /// Adds the entries of A in the columns of a front.
-    fn add_entries(&self, node: &Supernode, panel: &mut [T]) {
-        match self.block {
-            3 => self.add_blocks::<3>(node, panel),
-            2 => self.add_blocks::<2>(node, panel),
-            _ => self.add_blocks::<1>(node, panel),
-        }
-        for number in &self.tree.numbers[node.numbers.clone()] {
-            panel[number.target as usize] = T::of(self.values[number.source as usize] * self.scale);
-        }
-    }
-
-    fn add_blocks<const B: usize>(&self, node: &Supernode, panel: &mut [T]) {
-        let (values, _) = self.values.as_chunks::<B>();
-        for block in &self.tree.blocks[node.blocks.clone()] {
-            let place = (block.source / 2) as usize * B;
-            let value = &values[place..place + B];
-            let transposed = block.source % 2 == 1;
-            // A diagonal block also writes above the diagonal; those places are never read.
-            for j in 0..B {
-                let target = &mut panel[block.target as usize + j * node.rows..][..B];
-                for i in 0..B {
-                    target[i] = T::of(if transposed { value[j][i] } else { value[i][j] } * self.scale);
-                }
-            }
-        }
-    }
-
-    /// Adds the lower triangle of a child's update to the parent's front.
-    fn add_update(
-        &self,
-        node: &Supernode,
-        child: &Supernode,
-        stack: &[T],
-        panel: &mut [T],
-        update: &mut [T],
-    ) {
-        let order = child.below();
-        let source = &stack[child.update..][..order * order];
-        let runs = &self.tree.runs[child.runs.clone()];
-        for (k, run) in runs.iter().enumerate() {
-            for offset in 0..run.length as usize {
-                let column = run.from as usize + offset;
-                let source = &source[column * order..][..order];
-                let to = run.to as usize + offset;
-                // Take the rest of this run, then the runs after it.
-                let here = (column, to, run.length as usize - offset);
-                let after =
-                    runs[k + 1..].iter().map(|run| (run.from as usize, run.to as usize, run.length as usize));
-                let (target, skip) = match to.checked_sub(node.columns) {
-                    None => (&mut panel[to * node.rows..][..node.rows], 0),
-                    Some(to) => (&mut update[to * node.below()..][..node.below()], node.columns),
-                };
-                for (from, to, length) in std::iter::once(here).chain(after) {
-                    let target = &mut target[to - skip..][..length];
-                    for (target, source) in target.iter_mut().zip(&source[from..][..length]) {
-                        *target += *source;
-                    }
-                }
-            }
-        }
-    }
 }

@@ -90,13 +90,26 @@ impl Pattern {
         range.map(|k| (self.upper_rows[k], self.upper_places[k]))
     }
 
+    /// Returns the entries in row order, as rows, columns and indices.
+    pub(crate) fn entries(&self) -> impl Iterator<Item = (u32, u32, usize)> + '_ {
+        let rows = 0..self.row_count();
+        rows.flat_map(move |row| self.row(row).map(move |entry| (row as u32, self.columns[entry], entry)))
+    }
+
+    /// Returns the index of the entry at a row and a column that is not after it, if there is one.
+    pub(crate) fn entry(&self, row: usize, column: usize) -> Option<usize> {
+        let range = self.row(row);
+        let found = self.columns[range.clone()].binary_search(&(column as u32)).ok()?;
+        Some(range.start + found)
+    }
+
     /// Returns the place of the diagonal block of a row.
     pub(crate) fn diagonal_place(&self, row: usize) -> usize {
         self.places[self.row_start[row + 1] as usize - 1] as usize
     }
 
     /// Returns the entries of the diagonal that belong to free coordinates: their place among the values, and the coordinate.
-    fn free_diagonal(&self) -> impl Iterator<Item = (usize, usize)> {
+    pub(crate) fn free_diagonal(&self) -> impl Iterator<Item = (usize, usize)> {
         let block = self.block;
         (0..self.row_count()).flat_map(move |row| {
             let place = self.diagonal_place(row) * block * block;

@@ -20,18 +20,10 @@ impl MatrixSum {
     /// # Errors
     /// Returns [`SolverError::Symbolic`] if their nodes have different numbers of coordinates.
     pub(crate) fn new(parts: &[&SymmetricMatrix]) -> Result<Self, SolverError> {
+        check_nodes(parts)?;
         let first = &parts[0].pattern;
-        if parts.iter().any(|part| part.pattern.block != first.block || part.pattern.free_of != first.free_of)
-        {
-            let reason = "terms and forces have different numbers of coordinates per node";
-            return Err(SolverError::Symbolic { dofs: first.free_count, reason });
-        }
         let entries_of = |part: &SymmetricMatrix| -> Vec<(u32, u32)> {
-            let pattern = &part.pattern;
-            (0..pattern.row_count())
-                .flat_map(|row| pattern.row(row).map(move |entry| (row as u32, entry)))
-                .map(|(row, entry)| (row, pattern.columns[entry]))
-                .collect()
+            part.pattern.entries().map(|(row, column, _)| (row, column)).collect()
         };
         let lists: Vec<_> = parts.iter().map(|part| entries_of(part)).collect();
         let mut union: Vec<(u32, u32)> = lists.iter().flatten().copied().collect();
@@ -127,9 +119,22 @@ impl MatrixSum {
     }
 }
 
+/// Checks that the nodes of some matrices, at least one, have the same coordinates.
+///
+/// # Errors
+/// Returns [`SolverError::Symbolic`] if they have not.
+pub(super) fn check_nodes(parts: &[&SymmetricMatrix]) -> Result<(), SolverError> {
+    let first = &parts[0].pattern;
+    if parts.iter().all(|part| part.pattern.block == first.block && part.pattern.free_of == first.free_of) {
+        return Ok(());
+    }
+    let reason = "terms and forces have different numbers of coordinates per node";
+    Err(SolverError::Symbolic { dofs: first.free_count, reason })
+}
+
 /// Returns the places of the entries of `part` in `whole`, whose entries are in row order; `None` if an entry is
 /// missing.
-fn places_in(whole: &Pattern, part: &Pattern) -> Option<Vec<u32>> {
+pub(super) fn places_in(whole: &Pattern, part: &Pattern) -> Option<Vec<u32>> {
     if part.block != whole.block || part.free_of != whole.free_of {
         return None;
     }

@@ -7,6 +7,8 @@
 //! products soon are subnormal numbers, with which many processors compute a hundred times as slowly. Negligible entries are
 //! therefore set to zero as soon as some columns are eliminated ([`Scalar::NEGLIGIBLE`]).
 
+pub(super) mod unsymmetric;
+
 use std::cell::RefCell;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -84,10 +86,10 @@ fn eliminate_tiled<T: Scalar>(
         cholesky(diagonal.as_mut()).map_err(|index| first + index)?;
         solve_tiles(diagonal.as_ref(), below.as_mut());
         let trailing = right.split_at_row_mut(width).1;
-        subtract_tiles(trailing, Accum::Add, below.as_ref());
+        subtract_tiles(trailing, Accum::Add, below.as_ref(), below.as_ref());
     }
     let below = panel.as_ref().split_at_row(columns).1;
-    subtract_tiles(update, accumulate, below);
+    subtract_tiles(update, accumulate, below, below);
     Ok(())
 }
 
@@ -138,25 +140,31 @@ fn solve_tiles<T: Scalar>(diagonal: MatRef<'_, T>, mut below: MatMut<'_, T>) {
     rayon::join(|| solve_tiles(diagonal, top), || solve_tiles(diagonal, bottom));
 }
 
-/// Computes (lower trapezoid of `target`) −= left · (its first rows)ᵀ, with tiles of columns in parallel.
-fn subtract_tiles<T: Scalar>(target: MatMut<'_, T>, accumulate: Accum, left: MatRef<'_, T>) {
+/// Computes (lower trapezoid of `target`) −= left · (first rows of `right`)ᵀ, with tiles of columns in parallel.
+fn subtract_tiles<T: Scalar>(
+    target: MatMut<'_, T>,
+    accumulate: Accum,
+    left: MatRef<'_, T>,
+    right: MatRef<'_, T>,
+) {
     let columns = target.ncols();
     if columns <= TILE {
         let (square, rest) = target.split_at_row_mut(columns);
         let (top, bottom) = left.split_at_row(columns);
+        let right = right.split_at_row(columns).0;
         rayon::join(
-            || subtract_square(square, accumulate, top, top),
-            || subtract_rows(rest, accumulate, bottom, top),
+            || subtract_square(square, accumulate, top, right),
+            || subtract_rows(rest, accumulate, bottom, right),
         );
         return;
     }
     let middle = half(columns);
     let (first, second) = target.split_at_col_mut(middle);
     let second = second.split_at_row_mut(middle).1;
-    let second_left = left.split_at_row(middle).1;
+    let (second_left, second_right) = (left.split_at_row(middle).1, right.split_at_row(middle).1);
     rayon::join(
-        || subtract_tiles(first, accumulate, left),
-        || subtract_tiles(second, accumulate, second_left),
+        || subtract_tiles(first, accumulate, left, right),
+        || subtract_tiles(second, accumulate, second_left, second_right),
     );
 }
 

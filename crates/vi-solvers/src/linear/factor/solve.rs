@@ -19,9 +19,19 @@ struct Vectors<'a, T> {
     shared: &'a mut [T],
 }
 
-/// Computes x ← (LLᵀ)⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
-pub(super) fn solve<T: Scalar>(tree: &Tree, panels: &[T], x: &mut [T], shared: &mut [T]) {
-    let walk = Walk { tree, panels, arch: Arch::new() };
+/// The factors of a matrix with one side, LLᵀ, or with two, LU; see `walk`.
+pub(super) struct Factors<'a, T> {
+    pub(super) tree: &'a Tree,
+    pub(super) panels: &'a [T],
+    pub(super) sides: usize,
+    /// If not empty, the rows of each front stand in another order, by positions in the whole elimination order.
+    pub(super) order: &'a [u32],
+}
+
+/// Computes x ← A⁻¹x in elimination order; `shared` has `tree.vector_length` entries.
+pub(super) fn solve<T: Scalar>(factors: Factors<'_, T>, x: &mut [T], shared: &mut [T]) {
+    let tree = factors.tree;
+    let walk = Walk { tree, factors, arch: Arch::new() };
     let members = &tree.members[tree.roots.members.clone()];
     let parallel = tree.roots.parallel;
     walk.forward_family(members, parallel, Vectors { unknowns: &mut *x, shared: &mut *shared });
@@ -31,7 +41,7 @@ pub(super) fn solve<T: Scalar>(tree: &Tree, panels: &[T], x: &mut [T], shared: &
 /// The input of a substitution, and the vector instructions of the machine.
 struct Walk<'a, T> {
     tree: &'a Tree,
-    panels: &'a [T],
+    factors: Factors<'a, T>,
     arch: Arch,
 }
 
@@ -91,9 +101,20 @@ struct Above<'a, T> {
 }
 
 impl<T: Scalar> Walk<'_, T> {
-    /// Returns the panel of a supernode.
-    fn panel(&self, node: &Supernode) -> &[T] {
-        &self.panels[node.panel..][..node.panel_length()]
+    /// Returns one side of the panel of a supernode.
+    fn panel(&self, node: &Supernode, side: usize) -> &[T] {
+        let Factors { panels, sides, .. } = self.factors;
+        &panels[sides * node.panel + side * node.panel_length()..][..node.panel_length()]
+    }
+
+    /// Moves the right sides of a front to where its rows stand.
+    fn reorder(&self, node: &Supernode, own: &mut [T]) {
+        if let Some(order) = self.factors.order.get(node.first..node.first + node.columns)
+            && order.iter().zip(0..).any(|(from, to)| *from != to)
+        {
+            let before = own.to_vec();
+            own.iter_mut().zip(order).for_each(|(value, &from)| *value = before[from as usize]);
+        }
     }
 
     fn forward_family(&self, members: &[u32], parallel: bool, vectors: Vectors<'_, T>) {
@@ -130,7 +151,8 @@ impl<T: Scalar> Walk<'_, T> {
                 add_run(run, node, update, own, rows);
             }
         }
-        let panel = self.panel(node);
+        self.reorder(node, own);
+        let panel = self.panel(node, 0);
         self.arch.dispatch(Eliminate { panel, rows: node.rows, own: &mut *own, below: &mut *rows });
         drop_negligible(own);
         drop_negligible(rows);
@@ -174,7 +196,7 @@ impl<T: Scalar> Walk<'_, T> {
                 }
             }
         }
-        let panel = self.panel(node);
+        let panel = self.panel(node, self.factors.sides - 1);
         self.arch.dispatch(Substitute { panel, rows: node.rows, own: &mut *own, below: rows });
         drop_negligible(own);
         let Family { members, parallel } = node.children.clone();

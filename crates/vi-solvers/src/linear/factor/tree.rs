@@ -26,7 +26,7 @@ pub(crate) struct Run {
 /// A full block of the matrix, and its position in the panel.
 #[derive(Clone, Copy)]
 pub(crate) struct BlockSource {
-    /// 2 · place, plus 1 if the block is transposed.
+    /// 2 · place, plus 1 if the block lies above the diagonal: the entry that is stored is its transpose.
     pub(crate) source: u32,
     /// Index in the panel of the block's first number.
     pub(crate) target: u32,
@@ -35,6 +35,7 @@ pub(crate) struct BlockSource {
 /// A single number of the matrix, and its position in the panel.
 #[derive(Clone, Copy)]
 pub(crate) struct NumberSource {
+    /// 2 · place, plus 1 if the number lies above the diagonal.
     pub(crate) source: u32,
     pub(crate) target: u32,
 }
@@ -311,7 +312,8 @@ impl Tree {
                     if row + down >= column + across {
                         let source = ((place as usize * block + r) * block + c) as u32;
                         let target = ((column + across) * rows + row + down) as u32;
-                        self.numbers.push(NumberSource { source, target });
+                        self.numbers
+                            .push(NumberSource { source: 2 * source + u32::from(transposed), target });
                     }
                 }
             }

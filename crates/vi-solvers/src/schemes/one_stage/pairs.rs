@@ -2,6 +2,7 @@
 
 use vi_core::System;
 
+use super::complete_tangent::{CompleteTangent, Parts};
 use super::rule::{MultiplierDirections, Rule};
 use super::stage::{Stage, StageEquations};
 use crate::assemble::evaluator::Evaluator;
@@ -31,6 +32,22 @@ impl<R: Rule> StageEquations<'_, R> {
         let is_rigid = self.stage.multipliers.as_ref().is_some_and(Multipliers::read_all);
         let is_listed = self.system.terms().live().iter().all(|term| term.lists_pairs());
         follows_stage && is_rigid && is_listed && self.complete_size().is_some()
+    }
+
+    /// Returns the complete tangent, and what it consists of.
+    fn complete_tangent<'b>(
+        &'b mut self,
+        evaluator: &'b mut Evaluator,
+    ) -> (&'b mut CompleteTangent, Parts<'b>) {
+        let Stage { c, end_per_stage, multipliers, complete, .. } = &mut *self.stage;
+        let (multipliers, c, end_per_stage) = (multipliers.as_ref(), *c, *end_per_stage);
+        let (system, inertia) = (self.system, self.inertia);
+        (complete, Parts { system, inertia, evaluator, multipliers, c, end_per_stage })
+    }
+
+    fn count_complete_factor(&self, evaluator: &mut Evaluator) {
+        evaluator.work.factorizations += 1;
+        evaluator.work.factorizations_newton += 1;
     }
 
     /// Shortens the change `delta` of w, node by node, until no pair meets on the path of the end of the step from that
@@ -138,45 +155,37 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
     }
 
     fn factor_completely(&mut self, evaluator: &mut Evaluator) -> Result<(), SolverError> {
-        let size = self.complete_size().unwrap_or(0);
-        let Stage { c, end_per_stage, w, multipliers, complete: matrix, .. } = &mut *self.stage;
-        let c = *c;
-        matrix.clear(size);
-        evaluator.for_each_hessian(self.system, &mut |factor, k| matrix.add_symmetric(factor * c, k));
-        match self.inertia.matrix() {
-            Some(mass) => matrix.add_symmetric(1.0, mass),
-            None => {
-                let mass = self.system.free_mass().iter();
-                mass.enumerate().for_each(|(k, &mass)| matrix.add(k as u32, k as u32, mass));
-            }
-        }
-        if let Some(pairs) = evaluator.pairs() {
-            pairs.add_to(*end_per_stage * c, matrix);
-        }
-        if let Some(multipliers) = multipliers {
-            multipliers.complete(c, matrix, w.len());
-        }
-        evaluator.work.factorizations += 1;
-        evaluator.work.factorizations_newton += 1;
-        matrix.factor()
+        self.count_complete_factor(evaluator);
+        let (tangent, parts) = self.complete_tangent(evaluator);
+        tangent.factor(parts)
     }
 
     fn correct_completely(&mut self, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
-        let Stage { c, w, base, correction, residual, multipliers, complete: matrix, .. } = &mut *self.stage;
-        let (c, count) = (*c, w.len());
-        let mut rhs = residual.clone();
+        let Stage { w, base, residual, multipliers, complete: tangent, .. } = &mut *self.stage;
+        let count = w.len();
+        let mut load = residual.clone();
         if let Some(multipliers) = multipliers {
-            multipliers.complete_rhs(&mut rhs);
+            multipliers.complete_rhs(&mut load);
         }
-        matrix.solve(&mut rhs)?;
-        evaluator.work.solves += 1;
         base.copy_from_slice(w);
-        correction.copy_from_slice(&rhs[..count]);
+        let mut change = load.clone();
+        if let Err(error) = tangent.solve(&mut change) {
+            let (tangent, parts) = self.complete_tangent(evaluator);
+            if !tangent.factor_anew(parts)? {
+                return Err(error);
+            }
+            tangent.solve(&mut load)?;
+            change = load;
+            self.count_complete_factor(evaluator);
+        }
+        evaluator.work.solves += 1;
+        let Stage { c, correction, residual, multipliers, .. } = &mut *self.stage;
+        correction.copy_from_slice(&change[..count]);
         if let Some(multipliers) = multipliers {
-            multipliers.change(c, &rhs[count..], residual);
+            multipliers.change(*c, &change[count..], residual);
         }
         let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
-        Ok(vectors::dot(load, correction) / c)
+        Ok(vectors::dot(load, correction) / *c)
     }
 
     fn forces_size(&self, evaluator: &Evaluator) -> f64 {

@@ -4,11 +4,11 @@ mod kept;
 
 use vi_core::{State, System};
 
+use super::complete_tangent::CompleteTangent;
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::inertia::Inertia;
 use crate::assemble::live::end_per_stage;
 use crate::error::SolverError;
-use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
@@ -62,7 +62,7 @@ pub(super) struct Stage {
     /// The multipliers, if there are constraints.
     pub(super) multipliers: Option<Multipliers>,
     /// The complete tangent of steps with pairs.
-    pub(super) complete: Unsymmetric,
+    pub(super) complete: CompleteTangent,
 }
 
 impl Stage {
@@ -73,7 +73,7 @@ impl Stage {
             multipliers: rule
                 .multiplier_directions()
                 .and_then(|directions| Multipliers::new(system, directions)),
-            complete: Unsymmetric::default(),
+            complete: CompleteTangent::default(),
             c: 0.0,
             t: 0.0,
             end_per_stage: 1.0,
@@ -108,6 +108,7 @@ impl Stage {
         state: &State,
         h: f64,
     ) {
+        self.complete.begin_step();
         let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
         self.c = rule.coefficient(h);
         self.t = state.t + rule.time() * h;

@@ -1,0 +1,227 @@
+//! A sparse matrix on the free coordinates, in dense nodal blocks, whose pattern is symmetric but whose values are not.
+
+use std::sync::Arc;
+
+use crate::error::SolverError;
+use crate::index::NONE;
+use crate::linear::matrix::{Pattern, SymmetricMatrix};
+use crate::linear::matrix_sum::{check_nodes, places_in};
+
+/// A vector with few entries: free coordinates and values. The coordinates of a node follow each other.
+pub(crate) type Covector = [(u32, f64)];
+
+/// A square matrix A = D + Σ c_k S_k + Σ a ⊗ b of a diagonal matrix, symmetric matrices and outer products.
+pub(crate) struct NodalMatrix {
+    pattern: Arc<Pattern>,
+    /// The lower triangles of A and of Aᵀ: block × block numbers per place, row-major.
+    sides: [Vec<f64>; 2],
+    /// The patterns of the matrices S_k, and where their entries (in row order) lie.
+    parts: Vec<(Arc<Pattern>, Vec<u32>)>,
+    nodes: Nodes,
+}
+
+/// The nodes of free coordinates.
+struct Nodes {
+    /// Number of coordinates per node.
+    block: usize,
+    /// The row and the axis of each free coordinate, as row · block + axis.
+    padded_of: Vec<u32>,
+}
+
+impl Nodes {
+    fn new(pattern: &Pattern) -> Self {
+        let mut padded_of = vec![0; pattern.free_count];
+        for (padded, &free) in (0..).zip(&pattern.free_of) {
+            if free != NONE {
+                padded_of[free as usize] = padded;
+            }
+        }
+        Self { block: pattern.block, padded_of }
+    }
+
+    /// Returns row and axis of a free coordinate.
+    fn of(&self, free: u32) -> (usize, usize) {
+        let padded = self.padded_of[free as usize] as usize;
+        (padded / self.block, padded % self.block)
+    }
+
+    /// Calls `each` with the row, the column and the entries of a and b of each nodal block of a ⊗ b.
+    fn for_each_block(
+        &self,
+        a: &Covector,
+        b: &Covector,
+        mut each: impl FnMut(usize, usize, &Covector, &Covector),
+    ) {
+        let is_same_node = |a: &(u32, f64), b: &(u32, f64)| self.of(a.0).0 == self.of(b.0).0;
+        for a in a.chunk_by(is_same_node) {
+            let row = self.of(a[0].0).0;
+            for b in b.chunk_by(is_same_node) {
+                each(row, self.of(b[0].0).0, a, b);
+            }
+        }
+    }
+}
+
+impl NodalMatrix {
+    /// Returns a zero matrix with the pattern of a sum of these symmetric matrices and of the outer products a ⊗ b that
+    /// `couplings` passes on, and whether it has another pattern than `kept`.
+    ///
+    /// If `widens`, a pattern that has more entries is kept, and one that lacks some is widened. Otherwise the pattern has the entries
+    /// of the sum alone, so that it does not depend on earlier sums.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::Symbolic`] if the nodes of the matrices have different numbers of coordinates.
+    pub(crate) fn covering(
+        kept: Option<Self>,
+        parts: &[&SymmetricMatrix],
+        couplings: impl Fn(&mut dyn FnMut(&Covector, &Covector)),
+        widens: bool,
+    ) -> Result<(Self, bool), SolverError> {
+        check_nodes(parts)?;
+        let first = &parts[0].pattern;
+        let mut kept = kept.filter(|kept| kept.pattern.free_of == first.free_of);
+        if let Some(mut admitting) = kept.take_if(|kept| widens && kept.admits(parts, &couplings)) {
+            admitting.sides.iter_mut().for_each(|side| side.fill(0.0));
+            return Ok((admitting, false));
+        }
+        let nodes = Nodes::new(first);
+        let widened = kept.iter().filter(|_| widens).map(|kept| &kept.pattern);
+        let patterns = parts.iter().map(|part| &part.pattern).chain(widened);
+        let mut entries: Vec<(u32, u32)> =
+            patterns.flat_map(|pattern| pattern.entries()).map(|(row, column, _)| (row, column)).collect();
+        couplings(&mut |a, b| {
+            nodes.for_each_block(a, b, |row, column, _, _| {
+                entries.push((row.max(column) as u32, row.min(column) as u32));
+            });
+        });
+        entries.sort_unstable();
+        entries.dedup();
+        let is_same = |kept: &Self| {
+            kept.pattern.entries().map(|(row, column, _)| (row, column)).eq(entries.iter().copied())
+        };
+        let (pattern, is_new) = match kept.filter(is_same) {
+            Some(kept) => (kept.pattern, false),
+            None => {
+                let places = (0..entries.len() as u32).collect();
+                (Arc::new(Pattern::new(first.block, &entries, places, first.free_of.clone())), true)
+            }
+        };
+        let length = pattern.columns.len() * pattern.block * pattern.block;
+        let sides = [vec![0.0; length], vec![0.0; length]];
+        let mut matrix = Self { pattern, sides, parts: Vec::new(), nodes };
+        matrix.find(parts);
+        Ok((matrix, is_new))
+    }
+
+    /// Returns whether the pattern has all entries of a sum; finds those of the symmetric matrices.
+    fn admits(
+        &mut self,
+        parts: &[&SymmetricMatrix],
+        couplings: &impl Fn(&mut dyn FnMut(&Covector, &Covector)),
+    ) -> bool {
+        let mut has_all = self.find(parts);
+        if has_all {
+            couplings(&mut |a, b| {
+                self.nodes.for_each_block(a, b, |row, column, _, _| {
+                    has_all &= self.pattern.entry(row.max(column), row.min(column)).is_some();
+                });
+            });
+        }
+        has_all
+    }
+
+    /// Finds the entries of the symmetric matrices; returns whether the pattern has all of them.
+    fn find(&mut self, parts: &[&SymmetricMatrix]) -> bool {
+        let known = self.parts.iter().zip(parts);
+        if self.parts.len() == parts.len() && known.into_iter().all(|(a, b)| Arc::ptr_eq(&a.0, &b.pattern)) {
+            return true;
+        }
+        let places = |part: &&SymmetricMatrix| {
+            Some((Arc::clone(&part.pattern), places_in(&self.pattern, &part.pattern)?))
+        };
+        let found: Option<Vec<_>> = parts.iter().map(places).collect();
+        let has_all = found.is_some();
+        self.parts = found.unwrap_or_default();
+        has_all
+    }
+
+    /// Adds factor · S_k, with the matrices in the order in which [`NodalMatrix::covering`] received them.
+    pub(crate) fn add_symmetric(&mut self, factor: f64, k: usize, matrix: &SymmetricMatrix) {
+        let area = self.nodes.block * self.nodes.block;
+        for (&from, &to) in matrix.pattern.places.iter().zip(&self.parts[k].1) {
+            let source = &matrix.values[from as usize * area..][..area];
+            for side in &mut self.sides {
+                let target = &mut side[to as usize * area..][..area];
+                target.iter_mut().zip(source).for_each(|(target, value)| *target += factor * value);
+            }
+        }
+    }
+
+    /// Adds a diagonal matrix.
+    pub(crate) fn add_diagonal(&mut self, diagonal: &[f64]) {
+        for (place, free) in self.pattern.free_diagonal() {
+            self.sides.iter_mut().for_each(|side| side[place] += diagonal[free]);
+        }
+    }
+
+    /// Adds factor · a ⊗ b, one of the outer products for which the pattern was made.
+    pub(crate) fn add_outer(&mut self, factor: f64, a: &Covector, b: &Covector) {
+        let Self { pattern, sides: [lower, upper], nodes, .. } = self;
+        let block = nodes.block;
+        nodes.for_each_block(a, b, |row, column, a, b| {
+            let Some(entry) = pattern.entry(row.max(column), row.min(column)) else { return };
+            let values = entry * block * block..(entry + 1) * block * block;
+            let (lower, upper) = (&mut lower[values.clone()], &mut upper[values]);
+            for &(i, a) in a {
+                for &(j, b) in b {
+                    let (i, j, value) = (nodes.of(i).1, nodes.of(j).1, factor * a * b);
+                    if row >= column {
+                        lower[i * block + j] += value;
+                    }
+                    if row <= column {
+                        upper[j * block + i] += value;
+                    }
+                }
+            }
+        });
+    }
+
+    /// Computes y = A x.
+    pub(crate) fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        let Self { pattern, sides: [lower, upper], .. } = self;
+        let (block, length) = (pattern.block, pattern.free_of.len());
+        let (mut x_padded, mut y_padded) = (vec![0.0; length], vec![0.0; length]);
+        pattern.spread(x, &mut x_padded);
+        for (row, column, entry) in pattern.entries() {
+            let (row, column) = (row as usize * block, column as usize * block);
+            let values = entry * block * block..(entry + 1) * block * block;
+            let lines = lower[values.clone()].chunks_exact(block).zip(upper[values].chunks_exact(block));
+            for (i, (lower, upper)) in lines.enumerate() {
+                let x_row = x_padded[row + i];
+                let mut sum = 0.0;
+                for j in 0..block {
+                    sum += lower[j] * x_padded[column + j];
+                    if row != column {
+                        y_padded[column + j] += upper[j] * x_row;
+                    }
+                }
+                y_padded[row + i] += sum;
+            }
+        }
+        pattern.collect(&y_padded, y);
+    }
+
+    pub(crate) fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// Returns the values of the lower triangles of A and of Aᵀ.
+    pub(crate) fn sides(&self) -> [&[f64]; 2] {
+        self.sides.each_ref().map(Vec::as_slice)
+    }
+
+    /// Returns the size of the largest entry.
+    pub(crate) fn largest(&self) -> f64 {
+        self.sides.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
+    }
+}
