@@ -225,3 +225,29 @@ impl NodalMatrix {
         self.sides.iter().flatten().fold(0.0, |largest: f64, value| largest.max(value.abs()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Patterns that may be wider keep their entries; others do not depend on earlier ones.
+    #[test]
+    fn patterns_are_widened_within_a_step_alone() {
+        let entries = [(0, 0), (1, 1), (2, 2)];
+        let pattern = Pattern::new(3, &entries, vec![0, 1, 2], (0..9).collect());
+        let diagonal = SymmetricMatrix::zeros(Arc::new(pattern));
+        let near = |each: &mut dyn FnMut(&Covector, &Covector)| each(&[(0, 1.0)], &[(4, 1.0)]);
+        let far = |each: &mut dyn FnMut(&Covector, &Covector)| each(&[(8, 1.0)], &[(1, 1.0)]);
+        let count = |matrix: &NodalMatrix| matrix.pattern().entries().count();
+        let (first, is_new) = NodalMatrix::covering(None, &[&diagonal], near, false).unwrap();
+        assert!(is_new && count(&first) == 4);
+        let (wider, is_new) = NodalMatrix::covering(Some(first), &[&diagonal], far, true).unwrap();
+        assert!(is_new && count(&wider) == 5);
+        let (kept, is_new) = NodalMatrix::covering(Some(wider), &[&diagonal], near, true).unwrap();
+        assert!(!is_new && count(&kept) == 5);
+        let (next, is_new) = NodalMatrix::covering(Some(kept), &[&diagonal], far, false).unwrap();
+        assert!(is_new && count(&next) == 4);
+        let (same, is_new) = NodalMatrix::covering(Some(next), &[&diagonal], far, false).unwrap();
+        assert!(!is_new && count(&same) == 4);
+    }
+}

@@ -118,22 +118,20 @@ impl Lu {
             x[free as usize] = *value;
         }
     }
-
-    /// Returns the number of floating-point operations of a factorisation.
-    pub(crate) fn flops(&self) -> f64 {
-        2.0 * self.tree.flops
-    }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::linear::matrix::SymmetricMatrix;
     use std::sync::Arc;
 
+    use super::*;
+    use crate::index::NONE;
+    use crate::linear::matrix::SymmetricMatrix;
+    use crate::linear::nodal_matrix::Covector;
+
     /// Returns the matrix of a grid of `side` × `side` nodes with three coordinates each, of which the first one of the first
-    /// node is not free, with diagonal entries 3 and an outer product over distant nodes; and the dense matrix.
-    fn grid(side: u32) -> (NodalMatrix, Vec<Vec<f64>>) {
+    /// node is not free, with `diagonal` on its diagonal and an outer product over distant nodes; and the dense matrix.
+    fn grid(side: u32, diagonal: f64) -> (NodalMatrix, Vec<Vec<f64>>) {
         let node_count = side * side;
         let mut entries = Vec::new();
         for node in 0..node_count {
@@ -145,7 +143,7 @@ mod tests {
             }
             entries.push((node, node));
         }
-        let free_of: Vec<u32> = std::iter::once(crate::index::NONE).chain(0..3 * node_count - 1).collect();
+        let free_of: Vec<u32> = std::iter::once(NONE).chain(0..3 * node_count - 1).collect();
         let places = (0..entries.len() as u32).collect();
         let pattern = Arc::new(Pattern::new(3, &entries, places, free_of));
         let mut symmetric = SymmetricMatrix::zeros(pattern);
@@ -163,18 +161,18 @@ mod tests {
         let a: Vec<(u32, f64)> =
             [0, 1, size / 2, size - 2, size - 1].map(|k| (k, f64::from(k).cos())).to_vec();
         let b: Vec<(u32, f64)> = [0, 1, size / 3, size - 4].map(|k| (k, f64::from(k + 1).cos())).to_vec();
-        let couplings = |each: &mut dyn FnMut(&[(u32, f64)], &[(u32, f64)])| each(&a, &b);
+        let couplings = |each: &mut dyn FnMut(&Covector, &Covector)| each(&a, &b);
         let (mut matrix, is_new) = NodalMatrix::covering(None, &[&symmetric], couplings, false).unwrap();
         assert!(is_new);
         matrix.add_symmetric(0.5, 0, &symmetric);
-        matrix.add_diagonal(&vec![3.0; size as usize]);
+        matrix.add_diagonal(&vec![diagonal; size as usize]);
         matrix.add_outer(2.0, &a, &b);
         let mut dense = vec![vec![0.0; size as usize]; size as usize];
         for (i, j, value) in symmetric.lower_triangle() {
             dense[i][j] = 0.5 * value;
             dense[j][i] = 0.5 * value;
         }
-        (0..size as usize).for_each(|k| dense[k][k] += 3.0);
+        (0..size as usize).for_each(|k| dense[k][k] += diagonal);
         for &(i, a) in &a {
             b.iter().for_each(|&(j, b)| dense[i as usize][j as usize] += 2.0 * a * b);
         }
@@ -184,7 +182,7 @@ mod tests {
     #[test]
     fn products_and_solutions_are_those_of_the_dense_matrix() {
         for side in [2, 7, 30] {
-            let (matrix, dense) = grid(side);
+            let (matrix, dense) = grid(side, 3.0);
             let x: Vec<f64> = (0..dense.len()).map(|k| (k as f64).cos()).collect();
             let product = |row: &Vec<f64>| row.iter().zip(&x).map(|(a, x)| a * x).sum::<f64>();
             let mut b: Vec<f64> = dense.iter().map(product).collect();
@@ -198,5 +196,34 @@ mod tests {
             factors.solve(&matrix, &mut b).unwrap();
             assert!(error(&x, &b) < 1e-11, "{side}: {:e}", error(&x, &b));
         }
+    }
+
+    /// The diagonal is all that keeps pivots from zero: without it, and with one that nearly cancels the blocks, rows must be exchanged
+    /// between fronts.
+    #[test]
+    fn inaccurate_solutions_are_errors() {
+        for diagonal in [0.0, 1e-14, -0.4, 0.1, -0.1] {
+            let (matrix, dense) = grid(30, diagonal);
+            let mut factors = Lu::new(matrix.pattern()).unwrap();
+            let b: Vec<f64> = (0..dense.len()).map(|k| (k as f64).sin()).collect();
+            let mut x = b.clone();
+            let outcome = factors.factorize(&matrix).and_then(|()| factors.solve(&matrix, &mut x));
+            if outcome.is_ok() {
+                let mut rest = vec![0.0; b.len()];
+                matrix.multiply(&x, &mut rest);
+                rest.iter_mut().zip(&b).for_each(|(value, b)| *value -= b);
+                let backward = norm(&rest) / (norm(&b) + matrix.largest() * norm(&x));
+                assert!(backward < 1e-8, "{diagonal}: {backward:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_singular_matrix_is_an_error() {
+        let none = SymmetricMatrix::zeros(Arc::new(Pattern::new(3, &[(0, 0)], vec![0], vec![0, 1, 2])));
+        let (zero, _) = NodalMatrix::covering(None, &[&none], |_| (), false).unwrap();
+        let mut factors = Lu::new(zero.pattern()).unwrap();
+        assert!(matches!(factors.factorize(&zero), Err(SolverError::Singular { rows: 3 })));
+        assert!(matches!(factors.solve(&zero, &mut [1.0; 3]), Err(SolverError::NotFactored)));
     }
 }

@@ -12,7 +12,7 @@ use crate::assemble::pairs::Pairs;
 use crate::error::SolverError;
 use crate::linear::factor::lu::Lu;
 use crate::linear::matrix::SymmetricMatrix;
-use crate::linear::nodal_matrix::NodalMatrix;
+use crate::linear::nodal_matrix::{Covector, NodalMatrix};
 use crate::linear::unsymmetric::Unsymmetric;
 use crate::schemes::constraint::multipliers::Multipliers;
 
@@ -112,7 +112,7 @@ impl CompleteTangent {
     ) -> Result<(), SolverError> {
         let (kept, factors) = self.nodal.take().unzip();
         let list: Vec<&SymmetricMatrix> = matrices.iter().map(|(_, matrix)| matrix).collect();
-        let couplings = |each: &mut dyn FnMut(&[(u32, f64)], &[(u32, f64)])| {
+        let couplings = |each: &mut dyn FnMut(&Covector, &Covector)| {
             if let Some(pairs) = parts.pairs() {
                 pairs.for_each_tangent(each);
             }
