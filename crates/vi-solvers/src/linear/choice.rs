@@ -104,6 +104,15 @@ impl ChosenSolver {
         &self.costs
     }
 
+    /// Returns the cost of a factor, s of the reference core, whatever solver was chosen; `None` if it is not known.
+    pub(crate) fn factor_cost(&self) -> Option<f64> {
+        match self.path {
+            Path::Factor(_) | Path::Single(_) => Some(self.costs.factor),
+            Path::Gradients(_) => Some(self.rivalry.factor[0]).filter(|cost| *cost > 0.0),
+            Path::Undecided | Path::Shared(_) => None,
+        }
+    }
+
     /// Returns which solver was chosen and why; empty before the first A.
     pub(crate) fn reason(&self) -> &str {
         &self.reason

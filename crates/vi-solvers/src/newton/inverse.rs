@@ -119,6 +119,11 @@ impl Inverse {
         self.linear.has_cheaper_solver()
     }
 
+    /// Returns the cost of a factor of A, also if A is solved by conjugate gradients; `None` if it is not known.
+    pub(crate) fn factor_cost(&self) -> Option<f64> {
+        self.linear.factor_cost()
+    }
+
     pub(crate) fn costs(&self) -> &UnitCosts {
         self.linear.costs()
     }

@@ -42,15 +42,20 @@ const MOST_DIRECT: usize = 1000;
 /// its forces at rest are off by 1.1e-8 instead of 9.7e-9 if its factors are kept.
 const MOST_REFACTORED: usize = 200;
 /// Cost of a factor of the complete tangent relative to one of the symmetric model, with which the products of GMRES are compared.
-/// When one correction took more work in products, the later ones of the step are found by complete factors. Processor time of
-/// energy–momentum steps with friction: jelly, cloth and ball together (1450 equations) take 58 s with GMRES alone and 15.5, 13.5,
-/// 12.8, 12.3 and 12.7 s with 3, 8, 16, 24 and 32; a cube of 3993 equations 3.8 s with GMRES alone and 8.3, 4.0 and 3.4 s with 3, 8
-/// and 16; a cloth of 5043 equations on a ball 42 s with GMRES alone and 39, 65 and 51 s with 12, 16 and 24.
+/// When one correction took more work in products, the later ones of the step are found by complete factors. They
+/// are kept, and then need more iterations. Processor time of energy–momentum steps of 2 ms with friction (Xeon,
+/// one thread) with 1.5, 3, 6, 12 and 25: cloth of 5043 equations on a ball 13.3, 13.0, 12.1, 10.8, 10.9 s; folding flag 12.9,
+/// 13.3, 12.8, 14.0, 14.5 s; skirt 3.4, 3.0, 2.8, 2.5, 2.0 s. With general factors, jelly, cloth and ball together (1450
+/// equations) took 58 s with GMRES alone and 15.5, 13.5 and 12.8 s with 3, 8 and 16.
 const COMPLETE_FACTOR: f64 = 12.0;
-/// The largest number of equations for which complete factors replace products. In larger systems complete factors have
-/// far more fill than factors of the symmetric model. A factor of 10 000 equations takes .16 s for a sheet and .53 s
-/// for a cube.
-const MOST_AFTER_PRODUCTS: usize = 20_000;
+/// The largest number of equations for which complete factors replace products. Factors by nested dissection take four times
+/// the memory of one of the model in single precision. A cloth of 30 603 equations that falls on a ball takes 219 s for 40
+/// energy–momentum steps of 2 ms, and 163 s for 16 steps of 5 ms by `backward-euler`; with products alone it had not ended after
+/// 279 and 234 s.
+const MOST_AFTER_PRODUCTS: usize = 100_000;
+/// The same with constraints, whose general factors have more fill, and where the cost of a factor is not known, because the scene
+/// demands conjugate gradients.
+const MOST_IN_DOUBT: usize = 20_000;
 /// Complete factors serve the next iteration too if the error decreased to less than this fraction. A cloth of
 /// 5043 equations that falls on a ball takes 34, 24, 23 and 22 s of processor time for 70 steps with .1, .3, .5 and .7, and 1964,
 /// 1620, 1699 and 1865 iterations.
@@ -321,9 +326,12 @@ fn is_direct<E: PairEquations>(solve: &Solve<'_, E>) -> bool {
 
 /// Returns whether a factor of the complete tangent costs less than a correction that took this number of products.
 fn is_direct_cheaper<E: PairEquations>(solve: &Solve<'_, E>, products: usize) -> bool {
-    let (costs, size) = (solve.inverse.costs(), solve.equations.complete_size());
-    let is_possible = size.is_some_and(|size| size <= MOST_AFTER_PRODUCTS);
-    is_possible && products as f64 * costs.solve > COMPLETE_FACTOR * costs.factor
+    let (known, costs, size) =
+        (solve.inverse.factor_cost(), solve.inverse.costs(), solve.equations.complete_size());
+    let Some(size) = size else { return false };
+    let is_constrained = size > solve.equations.unknowns().len();
+    let most = if is_constrained || known.is_none() { MOST_IN_DOUBT } else { MOST_AFTER_PRODUCTS };
+    size <= most && products as f64 * costs.solve > COMPLETE_FACTOR * known.unwrap_or(costs.factor)
 }
 
 /// Makes the given fraction of the correction, or a smaller one if that leaves the domain of a term, and evaluates the
