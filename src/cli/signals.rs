@@ -1,10 +1,13 @@
 //! The signals that end a command: Ctrl-C (SIGINT), SIGTERM and SIGHUP. After the first one, the command abandons the step in
-//! progress and writes its results; a second one ends it immediately.
+//! progress and writes its results; a second one ends it immediately, unless it follows at once: `timeout` and batch systems send the same
+//! signal to the process and to its group.
 
 use std::sync::Arc;
 #[cfg(unix)]
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+#[cfg(unix)]
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -12,6 +15,10 @@ use vi_solvers::Interrupt;
 
 use super::exit;
 use super::say::message;
+
+/// Signals that follow another one within this time belong to it.
+#[cfg(unix)]
+const ECHO: Duration = Duration::from_millis(500);
 
 /// Whether the process runs this program alone, so that it may block signals in its threads.
 #[cfg(unix)]
@@ -64,9 +71,13 @@ impl Stop {
         set.thread_block()?;
         let stop = self.clone();
         let listener = move || {
+            let mut last: Option<Instant> = None;
             while let Ok(signal) = set.wait() {
                 let signal = signal as i32;
-                if stop.is_asked() {
+                if let Some(last) = last.replace(Instant::now()) {
+                    if last.elapsed() < ECHO {
+                        continue;
+                    }
                     signal_hook::low_level::exit(128 + signal);
                 }
                 stop.signal.store(signal as usize, Ordering::SeqCst);

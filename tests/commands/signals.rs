@@ -48,8 +48,10 @@ fn wait_for(what: &str, mut condition: impl FnMut() -> bool) {
     }
 }
 
+/// Sends a signal twice, as `timeout` does.
 fn send(signal: &str, child: &Child) {
-    let sent = Command::new("kill").args(["-s", signal, &child.id().to_string()]).status().unwrap();
+    let number = child.id().to_string();
+    let sent = Command::new("kill").args(["-s", signal, &number, &number]).status().unwrap();
     assert!(sent.success());
 }
 
