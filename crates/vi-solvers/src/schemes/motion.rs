@@ -9,7 +9,7 @@ use vi_core::{State, System};
 use crate::error::SolverError;
 use crate::schemes::damping_rate::DampingOperator;
 use crate::schemes::lanczos::normalize;
-use crate::schemes::stability::{Operator, highest};
+use crate::schemes::stability::{Differences, Operator, highest};
 use crate::vectors;
 use carried::Carried;
 
@@ -51,7 +51,7 @@ impl Frequencies {
     /// # Errors
     /// Returns the errors of [`highest_frequency`](crate::highest_frequency).
     pub fn highest(&mut self, system: &System, state: &State) -> Result<f64, SolverError> {
-        Ok(highest(&mut self.operator, system, state, ROUGH)?.omega)
+        Ok(highest(&mut self.operator, system, state, ROUGH, Differences::OneSided)?.omega)
     }
 
     /// Returns the highest rate at which velocities decay by damping about a state whose highest frequency is `omega` (rad/s), 1/s. Zero
@@ -75,7 +75,7 @@ impl Frequencies {
     /// # Errors
     /// Returns the errors of [`highest_frequency`](crate::highest_frequency).
     pub fn of_motion(&mut self, system: &System, state: &State) -> Result<Motion, SolverError> {
-        self.operator.place(system, state)?;
+        self.operator.place(system, state, Differences::Central)?;
         if state.p.iter().all(|p| *p == 0.0) {
             return Ok(Motion::default());
         }

@@ -23,6 +23,8 @@ const DIFFERENCE: f64 = 1e-7;
 const RESOLVED: f64 = 1e4;
 /// Largest displacement, relative to the extent, that still counts as small.
 const LARGEST: f64 = 1e-3;
+/// Largest displacement, relative to the extent, of a difference to one side, whose error is of first order.
+const LARGEST_ONE_SIDED: f64 = 1e-6;
 
 /// Returns ω_max about `state`. The start vector is the same in every run.
 ///
@@ -33,7 +35,7 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
     if let Some(found) = highest_by_ranks(system, state) {
         return Ok(found);
     }
-    highest(&mut Operator::new(system), system, state, ACCURACY)
+    highest(&mut Operator::new(system), system, state, ACCURACY, Differences::Central)
 }
 
 /// Returns ω_max, found together by the ranks that share the system. Returns `None` if they cannot find it; the error of
@@ -41,7 +43,7 @@ pub fn highest_frequency(system: &System, state: &State) -> Result<HighestFreque
 fn highest_by_ranks(system: &System, state: &State) -> Option<HighestFrequency> {
     let shared = system.terms().shared()?;
     let (n, t) = (system.coordinates().free_count(), state.t);
-    let displacement = displacement(system, &system.positions(state)).ok()?;
+    let (displacement, _) = displacement(system, &system.positions(state)).ok()?;
     let per_unit = per_unit_of_mass(system.free_mass());
     let norm = vectors::sum(n, |k| noise(k as u64) * noise(k as u64)).sqrt();
     let vector = |k: usize| noise(k as u64) / norm;
@@ -72,12 +74,13 @@ pub(super) fn highest(
     system: &System,
     state: &State,
     accuracy: f64,
+    differences: Differences,
 ) -> Result<HighestFrequency, SolverError> {
     let n = system.coordinates().free_count();
     if n == 0 {
         return Ok(HighestFrequency { omega: 0.0, iterations: 0 });
     }
-    operator.place(system, state)?;
+    operator.place(system, state, differences)?;
     let mut about = About { operator, system, state };
     if system.filter().is_some() {
         return lanczos::highest(&mut Filtered::new(about), n, accuracy);
@@ -152,9 +155,20 @@ impl SymmetricOperator for Filtered<'_> {
     }
 }
 
-/// The operator v ↦ M^{-1/2} K M^{-1/2} v by central differences about a state.
+/// The differences of gradients that give products with K.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Differences {
+    /// Two gradients per product. The product with −v is minus that with v.
+    Central,
+    /// One gradient per product, and one at the state. Central differences are taken where displacements are too large for them.
+    OneSided,
+}
+
+/// The operator v ↦ M^{-1/2} K M^{-1/2} v by differences about a state.
 pub(super) struct Operator {
     evaluator: Evaluator,
+    /// The gradient at the state on the free coordinates, N; empty for central differences.
+    gradient: Vec<f64>,
     /// The inverse of a unit of mass, which is a power of two.
     per_unit: f64,
     /// The displacement of a difference if the whole body moves equally, m; for directors, 1.
@@ -173,7 +187,7 @@ impl Operator {
         let coordinates = system.coordinates();
         let kind = coordinates.free().iter().map(|&dof| u8::from(coordinates.is_director(dof / 3))).collect();
         let (per_unit, q) = (per_unit_of_mass(system.free_mass()), vec![0.0; system.free_mass().len()]);
-        Self { evaluator, per_unit, sizes: [DIFFERENCE; 2], kind, q }
+        Self { evaluator, gradient: Vec::new(), per_unit, sizes: [DIFFERENCE; 2], kind, q }
     }
 
     /// Returns √(m/unit) of a free coordinate, which has the same bits in every such unit.
@@ -182,9 +196,20 @@ impl Operator {
     }
 
     /// Prepares for products at a state.
-    pub(super) fn place(&mut self, system: &System, state: &State) -> Result<(), SolverError> {
-        self.evaluator.evaluate(system, &state.q, state.t, true)?;
-        self.sizes = [displacement(system, self.evaluator.positions())?, DIFFERENCE];
+    pub(super) fn place(
+        &mut self,
+        system: &System,
+        state: &State,
+        differences: Differences,
+    ) -> Result<(), SolverError> {
+        let (displacement, extent) = displacement(system, &system.positions(state))?;
+        self.sizes = [displacement, DIFFERENCE];
+        self.gradient.clear();
+        if differences == Differences::OneSided && displacement <= LARGEST_ONE_SIDED * extent {
+            self.evaluator.evaluate(system, &state.q, state.t, true)?;
+            self.gradient.resize(state.q.len(), 0.0);
+            system.coordinates().restrict(self.evaluator.gradient(), &mut self.gradient);
+        }
         Ok(())
     }
 
@@ -202,7 +227,7 @@ impl Operator {
         v: &[f64],
         out: &mut [f64],
     ) -> Result<(), SolverError> {
-        let Self { evaluator, per_unit, sizes, kind, q } = self;
+        let Self { evaluator, gradient, per_unit, sizes, kind, q } = self;
         let (n, per_unit, mass) = (v.len(), *per_unit, system.free_mass());
         let free = system.coordinates().free();
         let root_mass = |k: usize| (mass[k] * per_unit).sqrt();
@@ -212,6 +237,10 @@ impl Operator {
         evaluator.evaluate(system, q, state.t, true)?;
         // First the gradient ahead, then the difference.
         system.coordinates().restrict(evaluator.gradient(), out);
+        if !gradient.is_empty() {
+            vectors::update(out, |k, out| *out = (*out - gradient[k]) / epsilon / root_mass(k) * per_unit);
+            return Ok(());
+        }
         vectors::fill(q, |k| state.q[k] - epsilon * direction(k));
         evaluator.evaluate(system, q, state.t, true)?;
         let behind = evaluator.gradient();
@@ -224,17 +253,19 @@ impl Operator {
 
 /// Returns the largest displacement of a difference about positions `x`, m. It is small compared with the extent of
 /// the body and large compared with the round-off of its coordinates. A single point has no extent: it is displaced
-/// by a small fraction of its distance from the origin, or of 1 m if it is at the origin.
-fn displacement(system: &System, x: &[f64]) -> Result<f64, SolverError> {
+/// by a small fraction of its distance from the origin, or of 1 m if it is at the origin. Also returns the length of which it is a
+/// fraction, m.
+fn displacement(system: &System, x: &[f64]) -> Result<(f64, f64), SolverError> {
     let [extent, reach] = system.coordinates().extent_and_reach(x);
     if extent == 0.0 {
-        return Ok(DIFFERENCE * if reach > 0.0 { reach } else { 1.0 });
+        let length = if reach > 0.0 { reach } else { 1.0 };
+        return Ok((DIFFERENCE * length, length));
     }
     let resolved = RESOLVED * f64::EPSILON * reach;
     if resolved > LARGEST * extent {
         return Err(SolverError::Unresolved { extent, reach });
     }
-    Ok(resolved.max(DIFFERENCE * extent))
+    Ok((resolved.max(DIFFERENCE * extent), extent))
 }
 
 #[cfg(test)]
