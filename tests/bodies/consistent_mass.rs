@@ -3,6 +3,7 @@
 
 use std::f64::consts::PI;
 
+use crate::contact::block;
 use crate::program::Program;
 use variational::prelude::{Observation, Scene, Simulation, settle};
 use variational::scene::MassKind;
@@ -308,4 +309,15 @@ fn drag_does_not_strain_a_body_in_uniform_motion() {
         assert!((slowed / factor - 1.0).abs() < 1e-12, "{element} {order}: {slowed} instead of {factor}");
         assert!(after.elastic < 1e-18 * before.kinetic, "{element} {order}: {} J", after.elastic);
     }
+}
+
+/// Complete tangents of steps with contact contain the mass matrix.
+#[test]
+fn a_block_with_consistent_mass_slides_on_a_floor_and_keeps_its_energy() {
+    let scene = block("energy-momentum", "friction = 0.3")
+        .replace("[solver]", "[solver]\nmass = \"consistent\"")
+        .replace("name = \"block\"", "name = \"block\"\nvelocity = [1.0, 0.0, 0.0]");
+    let history = Program::run(&scene).history();
+    assert!(history.imbalance() < 1e-9, "{:e}", history.imbalance());
+    assert!(history.column("friction").last().unwrap() < &-1e-3, "the block does not slide");
 }

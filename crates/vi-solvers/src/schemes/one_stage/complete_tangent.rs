@@ -51,9 +51,9 @@ impl Parts<'_> {
         parts
     }
 
-    /// Returns the lumped mass of each free coordinate; empty if the mass is a matrix.
-    fn mass(&self) -> &[f64] {
-        if self.inertia.matrix().is_some() { &[] } else { self.system.free_mass() }
+    /// Returns the lumped mass of each free coordinate; `None` if the mass is a matrix.
+    fn mass(&self) -> Option<&[f64]> {
+        self.inertia.matrix().is_none().then(|| self.system.free_mass())
     }
 
     fn pairs(&self) -> Option<&Pairs> {
@@ -74,7 +74,8 @@ impl CompleteTangent {
     pub(super) fn factor(&mut self, mut parts: Parts<'_>) -> Result<(), SolverError> {
         self.is_general = true;
         let matrices = parts.symmetric();
-        if parts.multipliers.is_none() && self.factor_nodal(&parts, &matrices).is_ok() {
+        let is_nodal = parts.multipliers.is_none() && !matrices.is_empty();
+        if is_nodal && self.factor_nodal(&parts, &matrices).is_ok() {
             self.is_general = false;
             return Ok(());
         }
@@ -122,7 +123,9 @@ impl CompleteTangent {
         for (k, (factor, part)) in matrices.iter().enumerate() {
             matrix.add_symmetric(*factor, k, part);
         }
-        matrix.add_diagonal(parts.mass());
+        if let Some(mass) = parts.mass() {
+            matrix.add_diagonal(mass);
+        }
         let factor = parts.end_per_stage * parts.c;
         couplings(&mut |a, b| matrix.add_outer(factor, a, b));
         let mut factors = match factors {
@@ -145,7 +148,7 @@ impl CompleteTangent {
             parts.multipliers.map_or(0, |multipliers| multipliers.count_of_independent().unwrap_or(0));
         matrix.clear(count + constraints);
         matrices.iter().for_each(|(factor, part)| matrix.add_symmetric(*factor, part));
-        for (k, &mass) in (0..).zip(parts.mass()) {
+        for (k, &mass) in (0..).zip(parts.mass().into_iter().flatten()) {
             matrix.add(k, k, mass);
         }
         if let Some(pairs) = parts.pairs() {
