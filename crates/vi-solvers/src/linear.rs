@@ -1,4 +1,4 @@
-//! Sparse symmetric matrices and solves with them: Cholesky factors, conjugate gradients, minimal residuals, Lanczos.
+//! Sparse matrices and solves with them: Cholesky and LU factors, conjugate gradients, minimal residuals, Lanczos.
 
 pub(crate) mod bicgstab;
 pub(crate) mod block_rows;

@@ -1,4 +1,5 @@
-//! Solves with a sparse matrix that is not symmetric, by LU factors with partial pivoting. Rows and columns are scaled first,
+//! Solves with any sparse matrix, such as a tangent with constraints, by LU factors with partial pivoting. Tangents without
+//! constraints have faster factors (`factor/lu.rs`). Rows and columns are scaled first,
 //! because equations of motion and constraints have different units: equations with an entry on the diagonal so that this entry
 //! becomes ±1, rows and columns of constraints, which have none, so that their largest entry becomes one. The inertia of a grain of .1 mm
 //! against rotation is 1e-17 of the entries of constraints. If rows were scaled by their largest entries, it would be lost.
