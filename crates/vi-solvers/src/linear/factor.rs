@@ -14,6 +14,7 @@ mod solve;
 mod tree;
 mod walk;
 
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 use vi_core::binary_exponent;
@@ -24,7 +25,7 @@ use crate::vectors::per_unit;
 use scalar::Scalar;
 use solve::Factors;
 use tree::Tree;
-use walk::{Front, Walk};
+use walk::Walk;
 
 /// Largest allowed backward error. The round-off of a valid factor stays far below it, however badly conditioned A
 /// is.
@@ -157,15 +158,8 @@ impl<T: Scalar> Cholesky<T> {
             sides: [&matrix.values],
             scale: self.scale,
             block: matrix.pattern.block,
-            eliminate: |front: Front<'_, T>| {
-                front::eliminate(
-                    front.panel,
-                    front.node.rows,
-                    front.node.columns,
-                    front.update,
-                    front.is_fresh,
-                )
-            },
+            eliminate: front::eliminate::<T>,
+            number: PhantomData,
         };
         walk.run(&mut self.panels, &mut self.stacks).map_err(|position| {
             let free = tree.permutation[position] as usize;

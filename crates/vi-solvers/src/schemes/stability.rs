@@ -23,7 +23,8 @@ const DIFFERENCE: f64 = 1e-7;
 const RESOLVED: f64 = 1e4;
 /// Largest displacement, relative to the extent, that still counts as small.
 const LARGEST: f64 = 1e-3;
-/// Largest displacement, relative to the extent, of a difference to one side, whose error is of first order.
+/// Largest displacement, relative to the extent, of a difference to one side, whose error is of first order. Elements of a thousandth of
+/// the extent are then strained by at most about 1e-3, far below the error of [`Frequencies::highest`](super::motion::Frequencies::highest).
 const LARGEST_ONE_SIDED: f64 = 1e-6;
 
 /// Returns ω_max about `state`. The start vector is the same in every run.

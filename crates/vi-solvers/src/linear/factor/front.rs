@@ -18,6 +18,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::scalar::{self, Scalar};
+use super::walk::Front;
 
 /// Fronts with more operations than this are cut into tiles.
 const TILED_FLOPS: f64 = 3e7;
@@ -29,26 +30,20 @@ thread_local! {
     static MEMORY: RefCell<Option<(usize, MemBuffer)>> = const { RefCell::new(None) };
 }
 
-/// Eliminates the `columns` of a panel of `rows` × `columns` (column-major, lower triangle on top) and subtracts
-/// L₂₁L₂₁ᵀ from the lower triangle of `update`, whose order is rows − columns. If the update is `fresh`, its content
-/// is overwritten.
+/// Eliminates the columns of a front with one side (lower triangle on top) and subtracts L₂₁L₂₁ᵀ from the lower triangle of
+/// the update.
 ///
 /// # Errors
 /// Returns the column whose pivot is not positive.
-pub(super) fn eliminate<T: Scalar>(
-    panel: &mut [T],
-    rows: usize,
-    columns: usize,
-    update: &mut [T],
-    fresh: bool,
-) -> Result<(), usize> {
+pub(super) fn eliminate<T: Scalar>(front: Front<'_, T>) -> Result<(), usize> {
+    let Front { rows, columns, panel, update, is_fresh, .. } = front;
     let below = rows - columns;
     scalar::drop_below(T::NEGLIGIBLE, panel);
     let (m, n) = (below as f64, columns as f64);
     let tiled = n * n * n / 3.0 + n * n * m + n * m * m > TILED_FLOPS || (T::IS_SINGLE && columns > T::PANEL);
     let panel = MatMut::from_column_major_slice_mut(panel, rows, columns);
     let update = MatMut::from_column_major_slice_mut(update, below, below);
-    let accumulate = if fresh { Accum::Replace } else { Accum::Add };
+    let accumulate = if is_fresh { Accum::Replace } else { Accum::Add };
     if tiled {
         eliminate_tiled(panel, update, accumulate)
     } else {
@@ -253,8 +248,22 @@ mod tests {
         let below = rows - columns;
         let [mut single, mut single_update] = [front::<f32>(rows, columns), vec![0.0; below * below]];
         let [mut double, mut double_update] = [front::<f64>(rows, columns), vec![0.0; below * below]];
-        eliminate(&mut single, rows, columns, &mut single_update, true)?;
-        eliminate(&mut double, rows, columns, &mut double_update, true)?;
+        eliminate(Front {
+            first: 0,
+            rows,
+            columns,
+            panel: &mut single,
+            update: &mut single_update,
+            is_fresh: true,
+        })?;
+        eliminate(Front {
+            first: 0,
+            rows,
+            columns,
+            panel: &mut double,
+            update: &mut double_update,
+            is_fresh: true,
+        })?;
         let lower = |order: usize| (0..order).flat_map(move |j| (j..order).map(move |i| (i, j)));
         let mut zeros = 0;
         for (i, j) in lower(rows).filter(|(_, j)| *j < columns) {

@@ -5,6 +5,7 @@
 //! tangents of motion, whose symmetric part is dominated by the mass or nearly positive definite. Where it does not
 //! suffice, the backward error of the solution shows it ([`Lu::solve`]).
 
+use std::marker::PhantomData;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::error::SolverError;
@@ -12,14 +13,10 @@ use crate::linear::factor::front::unsymmetric;
 use crate::linear::factor::solve::{self, Factors};
 use crate::linear::factor::tree::Tree;
 use crate::linear::factor::walk::{Front, Walk};
+use crate::linear::factor::{REFINE_ABOVE, RESIDUAL_LIMIT};
 use crate::linear::matrix::Pattern;
 use crate::linear::nodal_matrix::NodalMatrix;
 use crate::vectors::norm;
-
-/// Largest allowed backward error ‖A x − b‖/(‖b‖ + max|a_ij| ‖x‖) of a solution after refinement.
-const RESIDUAL_LIMIT: f64 = 1e-8;
-/// A solve with a larger relative residual is refined once.
-const REFINE_ABOVE: f64 = 1e-12;
 
 /// LU factors of a [`NodalMatrix`].
 pub(crate) struct Lu {
@@ -30,6 +27,8 @@ pub(crate) struct Lu {
     stacks: [Vec<f64>; 2],
     /// Which row of its front stands at each position of the elimination order.
     order: Vec<u32>,
+    /// Size of the largest entry of the matrix.
+    largest: f64,
     is_factored: bool,
 }
 
@@ -40,7 +39,14 @@ impl Lu {
     /// Returns an error if the ordering failed, or a front exceeds the index type.
     pub(crate) fn new(pattern: &Pattern) -> Result<Self, SolverError> {
         let (panels, stacks) = (Vec::new(), [Vec::new(), Vec::new()]);
-        Ok(Self { tree: Tree::new(pattern)?, panels, stacks, order: Vec::new(), is_factored: false })
+        Ok(Self {
+            tree: Tree::new(pattern)?,
+            panels,
+            stacks,
+            order: Vec::new(),
+            largest: 0.0,
+            is_factored: false,
+        })
     }
 
     /// Factors a matrix, whose pattern is that of [`Lu::new`].
@@ -48,8 +54,9 @@ impl Lu {
     /// # Errors
     /// Returns [`SolverError::Singular`] if a pivot is zero or not finite; then the object holds no factors.
     pub(crate) fn factorize(&mut self, matrix: &NodalMatrix) -> Result<(), SolverError> {
-        let Self { tree, panels, stacks, order, is_factored } = self;
+        let Self { tree, panels, stacks, order, largest, is_factored } = self;
         *is_factored = false;
+        *largest = matrix.largest();
         panels.resize(2 * tree.panel_length, 0.0);
         for (stack, length) in stacks.iter_mut().zip(tree.stack) {
             stack.resize(2 * length, 0.0);
@@ -61,9 +68,10 @@ impl Lu {
             scale: 1.0,
             block: matrix.pattern().block,
             eliminate: |front: Front<'_, f64>| {
-                let own = &rows_of[front.node.first..][..front.node.columns];
+                let own = &rows_of[front.first..][..front.columns];
                 unsymmetric::eliminate(front, own)
             },
+            number: PhantomData,
         };
         let outcome = walk.run(panels, stacks);
         order.clear();
@@ -76,7 +84,8 @@ impl Lu {
     /// Replaces b by the solution of A x = b with the matrix that was factored last.
     ///
     /// # Errors
-    /// Returns [`SolverError::Residual`] if the backward error after one refinement is above 1e-8 or is not finite, and
+    /// Returns [`SolverError::Residual`] if the backward error ‖A x − b‖/(‖b‖ + max|a_ij| ‖x‖) after one refinement is above 1e-8 or is
+    /// not finite, and
     /// [`SolverError::NotFactored`] if there are no factors.
     pub(crate) fn solve(&self, matrix: &NodalMatrix, b: &mut [f64]) -> Result<(), SolverError> {
         if !self.is_factored {
@@ -101,7 +110,7 @@ impl Lu {
             b.iter_mut().zip(&rest).for_each(|(x, change)| *x += change);
             rest = residual(b);
         }
-        let backward = norm(&rest) / (size + matrix.largest() * norm(b));
+        let backward = norm(&rest) / (size + self.largest * norm(b));
         match backward <= RESIDUAL_LIMIT {
             true => Ok(()),
             false => Err(SolverError::Residual { residual: backward, limit: RESIDUAL_LIMIT }),

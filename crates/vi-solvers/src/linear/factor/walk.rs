@@ -3,12 +3,14 @@
 //! A symmetric matrix has one side: its lower triangle. A matrix A of symmetric pattern has two: the lower triangles of A and of Aᵀ,
 //! which lie behind each other in every panel and in every update.
 
+use std::marker::PhantomData;
+
 use super::scalar::Scalar;
 use super::tree::{Family, Supernode, Tree};
 
 /// The input of a factorisation of a matrix with `SIDES` sides. Its errors are the position of the coordinate that cannot be
 /// eliminated.
-pub(super) struct Walk<'a, const SIDES: usize, E> {
+pub(super) struct Walk<'a, T, const SIDES: usize, E> {
     pub(super) tree: &'a Tree,
     /// The values of each side.
     pub(super) sides: [&'a [f64]; SIDES],
@@ -17,11 +19,15 @@ pub(super) struct Walk<'a, const SIDES: usize, E> {
     pub(super) block: usize,
     /// Eliminates the columns of an assembled front. Returns the column that cannot be eliminated.
     pub(super) eliminate: E,
+    pub(super) number: PhantomData<T>,
 }
 
 /// A front whose columns are to be eliminated.
 pub(super) struct Front<'a, T> {
-    pub(super) node: &'a Supernode,
+    /// Position of the first column in the elimination order.
+    pub(super) first: usize,
+    pub(super) rows: usize,
+    pub(super) columns: usize,
     /// `rows` × `columns` numbers per side, column-major.
     pub(super) panel: &'a mut [T],
     /// The update for the parent: (rows − columns)² numbers per side, column-major.
@@ -30,30 +36,24 @@ pub(super) struct Front<'a, T> {
     pub(super) is_fresh: bool,
 }
 
-impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
+impl<T, const SIDES: usize, E> Walk<'_, T, SIDES, E>
+where
+    T: Scalar,
+    E: Fn(Front<'_, T>) -> Result<(), usize> + Sync,
+{
     /// Factors the matrix. Each side takes the memory that the tree asks for.
-    pub(super) fn run<T: Scalar>(
-        &self,
-        panels: &mut [T],
-        [stack, spare]: &mut [Vec<T>; 2],
-    ) -> Result<(), usize>
-    where
-        E: Fn(Front<'_, T>) -> Result<(), usize> + Sync,
-    {
+    pub(super) fn run(&self, panels: &mut [T], [stack, spare]: &mut [Vec<T>; 2]) -> Result<(), usize> {
         self.family(&self.tree.roots, panels, stack, spare)
     }
 
     /// Eliminates the subtrees of a family. Leaves their updates in `stack`; `panels` holds their panels.
-    fn family<T: Scalar>(
+    fn family(
         &self,
         family: &Family,
         panels: &mut [T],
         stack: &mut [T],
         spare: &mut [T],
-    ) -> Result<(), usize>
-    where
-        E: Fn(Front<'_, T>) -> Result<(), usize> + Sync,
-    {
+    ) -> Result<(), usize> {
         let members = &self.tree.members[family.members.clone()];
         if family.parallel {
             return self.side_by_side(members, panels, stack, spare);
@@ -69,16 +69,13 @@ impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
         Ok(())
     }
 
-    fn side_by_side<T: Scalar>(
+    fn side_by_side(
         &self,
         members: &[u32],
         panels: &mut [T],
         stack: &mut [T],
         spare: &mut [T],
-    ) -> Result<(), usize>
-    where
-        E: Fn(Front<'_, T>) -> Result<(), usize> + Sync,
-    {
+    ) -> Result<(), usize> {
         let supernodes = &self.tree.supernodes;
         match members {
             [] => Ok(()),
@@ -106,16 +103,13 @@ impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
     }
 
     /// Eliminates a subtree. Its panels end with that of the root; its update is left at the start of `own`.
-    fn subtree<T: Scalar>(
+    fn subtree(
         &self,
         node: &Supernode,
         panels: &mut [T],
         own: &mut [T],
         other: &mut [T],
-    ) -> Result<(), usize>
-    where
-        E: Fn(Front<'_, T>) -> Result<(), usize> + Sync,
-    {
+    ) -> Result<(), usize> {
         let (length, square) = (node.panel_length(), node.below() * node.below());
         let (descendants, panel) = panels.split_at_mut(panels.len() - SIDES * length);
         self.family(&node.children, descendants, other, own)?;
@@ -136,16 +130,18 @@ impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
                 self.add_update(node, child, source, panel, update);
             }
         }
-        (self.eliminate)(Front { node, panel, update, is_fresh: members.is_empty() })
-            .map_err(|column| node.first + column)
+        let &Supernode { first, rows, columns, .. } = node;
+        let is_fresh = members.is_empty();
+        (self.eliminate)(Front { first, rows, columns, panel, update, is_fresh })
+            .map_err(|column| first + column)
     }
 
     /// Adds the entries of a side in the columns of a front. Entries above the diagonal are those of the other side, transposed.
-    fn add_entries<T: Scalar>(&self, node: &Supernode, values: [&[f64]; 2], panel: &mut [T]) {
+    fn add_entries(&self, node: &Supernode, values: [&[f64]; 2], panel: &mut [T]) {
         match self.block {
-            3 => self.add_blocks::<T, 3>(node, values, panel),
-            2 => self.add_blocks::<T, 2>(node, values, panel),
-            _ => self.add_blocks::<T, 1>(node, values, panel),
+            3 => self.add_blocks::<3>(node, values, panel),
+            2 => self.add_blocks::<2>(node, values, panel),
+            _ => self.add_blocks::<1>(node, values, panel),
         }
         for number in &self.tree.numbers[node.numbers.clone()] {
             panel[number.target as usize] =
@@ -153,7 +149,7 @@ impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
         }
     }
 
-    fn add_blocks<T: Scalar, const B: usize>(&self, node: &Supernode, values: [&[f64]; 2], panel: &mut [T]) {
+    fn add_blocks<const B: usize>(&self, node: &Supernode, values: [&[f64]; 2], panel: &mut [T]) {
         let values = values.map(|values| values.as_chunks::<B>().0);
         for block in &self.tree.blocks[node.blocks.clone()] {
             let place = (block.source / 2) as usize * B;
@@ -170,7 +166,7 @@ impl<const SIDES: usize, E> Walk<'_, SIDES, E> {
     }
 
     /// Adds one side of a child's update to the parent's front.
-    fn add_update<T: Scalar>(
+    fn add_update(
         &self,
         node: &Supernode,
         child: &Supernode,

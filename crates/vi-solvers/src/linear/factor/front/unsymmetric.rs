@@ -22,8 +22,8 @@ pub(in crate::linear::factor) fn eliminate<T: Scalar>(
     front: Front<'_, T>,
     order: &[AtomicU32],
 ) -> Result<(), usize> {
-    let Front { node, panel, update, is_fresh } = front;
-    let (rows, columns, below) = (node.rows, node.columns, node.below());
+    let Front { rows, columns, panel, update, is_fresh, .. } = front;
+    let below = rows - columns;
     scalar::drop_below(T::NEGLIGIBLE, panel);
     let (lower, upper) = panel.split_at_mut(rows * columns);
     for j in 1..columns {
