@@ -352,14 +352,14 @@ impl Contact<'_> {
         self.surface.law(a, b).filter(|law| law.friction > 0.0)
     }
 
-    /// Returns the frame that measures slip, and the slip. A point is measured on the cell that is nearest at x₀; the
+    /// Returns the frame that measures slip, and the slip. A point is measured on the cell of [`Contact::nearest_cell`]; the
     /// cell of its anchor is kept as long as no other cell is nearer.
     fn slip_of(&self, partners: Partners, x: [&[f64]; 2], before: Option<&Anchor>) -> Option<(u32, Slip)> {
         let surface = self.surface;
         match partners {
             Partners::PointBody(point, body) => {
                 let node = surface.points[point as usize].node;
-                let cell = self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell))?;
+                let cell = self.nearest_cell(point, body, x, before.map(|anchor| anchor.cell))?;
                 let (shape, nodes, followed) = self.frame_of(node, cell);
                 Some((cell, Slip::new(shape, nodes, followed, x)?))
             }
@@ -396,11 +396,27 @@ impl Contact<'_> {
         (shape, [node, a, b, c], followed.map(|place| 1 + (place + 3 - first) % 3))
     }
 
-    /// Returns the cell of a body that is nearest to a point at x. Of cells that are equally near up to round-off, such as
+    /// Returns the cell of a body that is nearest to a point at x₀, or at x₁ if no cell is within reach at x₀. The nearest cell that is not
+    /// within reach would depend on which candidates are listed. The choice at x₀ does not change while a solver varies x₁.
+    pub(crate) fn nearest_cell(
+        &self,
+        point: u32,
+        body: u32,
+        [x0, x1]: [&[f64]; 2],
+        kept: Option<u32>,
+    ) -> Option<u32> {
+        let reach = self.surface.point_gauge(point as usize, body)?.reach();
+        match self.nearest_cell_at(point, body, x0, kept)? {
+            (cell, distance) if distance < reach => Some(cell),
+            _ => self.nearest_cell_at(point, body, x1, kept).map(|(cell, _)| cell),
+        }
+    }
+
+    /// Returns the cell of a body that is nearest to a point at x, and the distance, m. Of cells that are equally near up to round-off, such as
     /// those of an edge, only those that face the point count: at the edge of a block, friction acts along the face on which the point
     /// lies, and not along the other one, whose tangents contain the direction of pressure. Of these it is `kept`, or the one with
     /// the nearest centroid: the choice must not depend on numbers of nodes and cells.
-    pub(crate) fn nearest_cell(&self, point: u32, body: u32, x: &[f64], kept: Option<u32>) -> Option<u32> {
+    fn nearest_cell_at(&self, point: u32, body: u32, x: &[f64], kept: Option<u32>) -> Option<(u32, f64)> {
         let surface = self.surface;
         let node = surface.points[point as usize].node;
         let (_, cells) = self.bodies_of(point as usize).find(|&(other, _)| other == body)?;
@@ -431,7 +447,8 @@ impl Contact<'_> {
         ties.retain(|&(_, facing)| facing >= most - SAME_FACING);
         let ties = || ties.iter().map(|&(cell, _)| cell);
         let kept = kept.filter(|&kept| ties().any(|cell| cell == kept));
-        kept.or_else(|| ties().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))
+        let cell = kept.or_else(|| ties().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))?;
+        Some((cell, nearest))
     }
 
     /// Returns the stretch of an anchor in the frame of `cell` at x₀: rotated into its plane, with the same length.

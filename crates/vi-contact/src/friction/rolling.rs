@@ -172,7 +172,7 @@ impl Contact<'_> {
         let before = anchors.of(partners);
         let cell = match partners {
             Partners::PointBody(point, body) => {
-                self.nearest_cell(point, body, x[0], before.map(|anchor| anchor.cell / 3))?
+                self.nearest_cell(point, body, x, before.map(|anchor| anchor.cell / 3))?
             }
             _ => 0,
         };

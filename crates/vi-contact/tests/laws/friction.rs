@@ -3,6 +3,7 @@
 use crate::support::particles::Particles;
 use crate::support::{Numbers, Vec3, at, body};
 use vi_contact::{Anchors, Body, Contact, Neighbours, Partners, StepSettings, SurfaceBuilder};
+use vi_core::Tube;
 
 const STEP: StepSettings = StepSettings::over(1e-3);
 
@@ -284,4 +285,34 @@ fn slip_over_a_needle_has_the_round_off_of_positions() {
         let error = (friction[0].slip - exact).norm();
         assert!(error < 2e-15, "{round}: {error:e}");
     }
+}
+
+/// A point that is out of reach at the start of a step rubs against the cell that it reaches, also if another one was nearer at the
+/// start: that one is not in lists of the pairs that can act.
+#[test]
+fn a_point_that_arrives_within_a_step_rubs_against_the_cell_that_it_reaches() {
+    let floor = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let wall = [[0.0, 0.5, 0.2], [0.5, 0.5, 0.2], [0.25, 0.6, 0.6]];
+    let start = [&[[0.25, 0.3, 0.3]][..], &floor, &wall].concat().concat();
+    let mut builder = SurfaceBuilder::new(&start);
+    let bodies = [builder.body(body(0.05, 1e4)), builder.body(body(0.05, 1e4))];
+    builder.point(bodies[0], 0, 0.1);
+    builder.triangles(bodies[1], &[[1, 2, 3], [4, 5, 6]]);
+    builder.friction(0.3);
+    let surface = builder.build().expect("a valid surface");
+    let mut end = start.clone();
+    end[1..3].copy_from_slice(&[0.2, 0.02]);
+    let motion = end.iter().zip(&start).map(|(end, start)| end - start).collect();
+    let path = Tube { start: start.clone(), motion, reach: vec![1e-3; 7] };
+    let lists = [Neighbours::find(&surface, &start, 1.0), Neighbours::within(&surface, path)];
+    assert_eq!(lists.each_ref().map(|list| list.cells_of(0).len()), [2, 1]);
+    let [of_all, of_path] = lists.map(|neighbours| {
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let pairs = contact.step(&start, &end, &STEP);
+        contact.friction(&start, &end, &pairs, &Anchors::default(), &STEP)
+    });
+    assert_eq!(of_all, of_path);
+    let [friction] = &of_all[..] else { panic!("{of_all:?}") };
+    assert!(friction.nodes.iter().all(|&node| node < 4), "{friction:?}");
+    assert!(friction.traction.y < 0.0 && friction.dissipated > 0.0, "{friction:?}");
 }
