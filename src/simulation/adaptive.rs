@@ -43,6 +43,9 @@ const PARTS: u64 = 8;
 /// Largest factor by which n grows at a time: a path with too few steps may end in a state that is far from the motion, and ask for a
 /// thousand times as many as are right. A cube that hits a floor by `energy-momentum` took 1272 factors with a factor of 2, and 1052 with 8.
 const GROWTH: f64 = 8.0;
+/// If the states at both ends of an interval require less than this fraction of the steps that stability requires, those inside are not
+/// asked: their mean would have to be 1/`MINOR`² times the square at both ends to change the number.
+const MINOR: f64 = 0.25;
 /// For rigid bodies, the density of steps is evaluated at states inside an interval that are at most 1/`PLACES` of it
 /// apart.
 const PLACES: u64 = 8;
@@ -209,6 +212,12 @@ impl Adaptive {
         required.motion.square.sqrt().max(required.drag) / self.accuracy
     }
 
+    /// Returns whether the motion of a state at an end of an interval requires far fewer steps than another reason, with this density of
+    /// steps, 1/s. Only explicit schemes have one.
+    fn is_minor(&self, required: &Requirement, density: f64) -> bool {
+        self.stability().is_some() && self.density(required) < MINOR * density
+    }
+
     /// Returns the density of steps that the functions of time require between two times (s), 1/s. At their kinks no
     /// scheme has an order above 2.
     fn density_of_driven(&self, demand: &StepDemand, from: f64, to: f64) -> f64 {
@@ -263,6 +272,9 @@ impl Adaptive {
                     (1..=PARTS / 2).map(|j| j * made / PARTS).any(|place| k == place || made - k == place)
                 }
             };
+            // States that are asked only if the one at the end of the interval demands it.
+            let mut kept: Vec<State> = Vec::new();
+            let may_be_minor = !has_bodies && self.is_minor(&first, driven.max(first.stability));
             let (mut largest, mut mean) = (0.0_f64, Mean::default());
             mean.add(&first, 0.5);
             let outcome = (1..=made).try_for_each(|k| {
@@ -277,7 +289,9 @@ impl Adaptive {
                     None => None,
                 };
                 done.add(march(course, h / made as f64, to, part, check)?);
-                if k < made && is_asked(k) {
+                if k < made && is_asked(k) && may_be_minor {
+                    kept.push(state.clone());
+                } else if k < made && is_asked(k) {
                     let required = self.inside(demand, system, state).map_err(failed)?;
                     largest = largest.max(self.density(&required));
                     mean.add(&required, 1.0);
@@ -285,6 +299,14 @@ impl Adaptive {
                 Ok(())
             });
             let last = outcome.and_then(|()| self.at_end(demand, system, state).map_err(failed));
+            let last = last.and_then(|last| {
+                if !self.is_minor(&last, driven.max(last.stability)) {
+                    for state in &kept {
+                        mean.add(&self.inside(demand, system, state).map_err(failed)?, 1.0);
+                    }
+                }
+                Ok(last)
+            });
             let last = match last {
                 Ok(last) => last,
                 Err(failure) => {
