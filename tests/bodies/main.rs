@@ -16,6 +16,7 @@ mod contact_prescribed;
 mod contact_reactions;
 mod contact_resolved;
 mod contact_scenes;
+mod contact_starts;
 mod contact_statics;
 mod contact_units;
 mod equilibria;
