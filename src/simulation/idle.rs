@@ -6,14 +6,15 @@ use vi_core::{Stencils, System};
 use vi_mesh::Bounds;
 
 use super::Simulation;
-use crate::scene::Load;
+use crate::scene::{Load, Solver};
 
 impl Simulation {
-    /// Adds notes on points far from the bodies on which they name a node, on loads that act on held nodes alone, and on damping that
-    /// does not act on rigid bodies.
+    /// Adds notes on points far from the bodies on which they name a node, on loads that act on held nodes alone, on keys of `[solver]`
+    /// that explicit steps do not read, and on damping that does not act on rigid bodies.
     pub(super) fn note_idle(&mut self) {
         let mut notes = self.far_points();
         notes.extend(self.held_loads());
+        notes.extend(self.unread_solver_keys());
         let damping = self.scene.damping.as_ref().is_some_and(|damping| damping.mass_rate != 0.0);
         if let Some(rigid) = self.scene.rigids.iter().find(|rigid| damping && !rigid.is_prescribed()) {
             notes.push(format!(
@@ -51,6 +52,23 @@ impl Simulation {
             }
         }
         notes
+    }
+
+    /// Returns a note for each key of `[solver]` with another value than its default that explicit steps do not read. They read both
+    /// where contact acts in the drift.
+    fn unread_solver_keys(&self) -> Vec<String> {
+        let (facts, solver, default) = (self.method.facts(), &self.scene.solver, Solver::default());
+        let has_contact = self.components.iter().any(|component| !component.system.terms().live().is_empty());
+        if !facts.is_explicit || self.scene.statics.is_some() || has_contact {
+            return Vec::new();
+        }
+        let keys = [
+            ("linear", solver.linear != default.linear),
+            ("tolerance", solver.tolerance != default.tolerance),
+        ];
+        let set = keys.into_iter().filter(|(_, is_set)| *is_set);
+        set.map(|(key, _)| format!("solver.{key} has no effect: '{}' solves no equations", facts.name))
+            .collect()
     }
 
     /// Returns a note for each load all of whose nodes are held.

@@ -84,6 +84,14 @@ fn values_without_effect() {
                  density = 1000.0\n";
     let found = notes(&format!("{GOOD}{rigid}"));
     assert!(found.contains("not on rigid bodies, such as 'r'"), "{found}");
+    let solver = "[solver]\nlinear = \"pcg\"\ntolerance = 1e-8\n";
+    for (scheme, unread) in [("stormer-verlet", true), ("implicit-midpoint", false)] {
+        let found = notes(&format!("{}{solver}", GOOD.replace("stormer-verlet", scheme)));
+        for key in ["solver.linear", "solver.tolerance"] {
+            let note = format!("{key} has no effect: '{scheme}' solves no equations");
+            assert_eq!(found.contains(&note), unread, "{found}");
+        }
+    }
 }
 
 /// Pairs, probes and exclusions of bodies between which there is no contact are refused, with the key and the reason.
