@@ -93,18 +93,18 @@ pub fn execute(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     execute_by(&Team::default(), arguments)
 }
 
-/// Runs the program as [`execute`] does, on the first rank of a team, and ends the others. They call [`serve`].
-pub fn conduct(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 {
+/// Runs the program as [`execute`] does, on the first rank of a team, and ends the others. They call [`execute_on_other_rank`].
+pub fn execute_on_first_rank(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let code = execute_by(team, arguments);
     team.dismiss(code);
     code
 }
 
 /// Obeys the first rank of a team until it ends the program; returns its exit code.
-pub fn serve(team: &Team) -> u8 {
+pub fn execute_on_other_rank(team: &Team) -> u8 {
     // The first rank receives the same signals, and ends the run.
     let _stop = signals::Stop::on_signals();
-    team.serve()
+    team.obey()
 }
 
 fn execute_by(team: &Team, arguments: impl IntoIterator<Item = OsString>) -> u8 {

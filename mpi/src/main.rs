@@ -43,7 +43,11 @@ fn main() -> ExitCode {
     let exchange = Mpi::new();
     let is_first = exchange.rank() == 0;
     let team = Team::new(Arc::new(exchange)).with_threads(threads());
-    let code = if is_first { cli::conduct(&team, std::env::args_os()) } else { cli::serve(&team) };
+    let code = if is_first {
+        cli::execute_on_first_rank(&team, std::env::args_os())
+    } else {
+        cli::execute_on_other_rank(&team)
+    };
     #[cfg(feature = "petsc")]
     petsc::finish();
     drop(universe);

@@ -165,7 +165,7 @@ impl Team {
     }
 
     /// Obeys the first rank until it ends the program; returns the exit code. For all ranks but the first.
-    pub fn serve(&self) -> u8 {
+    pub fn obey(&self) -> u8 {
         let mut members: Vec<Option<Member>> = Vec::new();
         let mut pool = None;
         loop {

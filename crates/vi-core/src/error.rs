@@ -128,7 +128,10 @@ pub enum CoreError {
         h: f64,
     },
     /// The Legendre transform has no inverse: some velocity does not change the kinetic energy.
-    #[error("the mass d2L/dv2 has no inverse at t = {t} s: some velocity does not enter the Lagrangian")]
+    #[error(
+        "the mass d2L/dv2 has no inverse at t = {t} s: some velocity does not enter the Lagrangian; give its coordinate a \
+         mass, or remove the coordinate"
+    )]
     SingularMass {
         /// The time, s.
         t: f64,
@@ -143,7 +146,10 @@ pub enum CoreError {
         parameter: f64,
     },
     /// A nonlinear solve did not converge.
-    #[error("no convergence after {iterations} iterations: residual {residual:e}")]
+    #[error(
+        "no convergence after {iterations} iterations: residual {residual:e}; take a shorter step or a start nearer to the \
+         solution"
+    )]
     Convergence {
         /// Newton iterations made.
         iterations: usize,

@@ -12,7 +12,7 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::model::Model;
 use crate::linear::pcg::Pcg;
 use crate::linear::pcg::block::Preconditioner;
-use crate::linear::trial::{CONSIDER_FLOPS, describe, rough_load, too_large, try_gradients};
+use crate::linear::trial::{CONSIDER_FLOPS, describe, load_of_all_frequencies, too_large, try_gradients};
 use crate::options::LinearSolver;
 use crate::work::Work;
 
@@ -222,7 +222,7 @@ impl TangentSolver {
         if matches!(self.kind, Kind::Factor(_)) {
             return Ok(true);
         }
-        match self.solve(&mut rough_load(mass), SEARCH_ACCURACY, work) {
+        match self.solve(&mut load_of_all_frequencies(mass), SEARCH_ACCURACY, work) {
             Ok(()) => Ok(true),
             Err(SolverError::NegativeCurvature { .. }) => Ok(false),
             Err(error) => Err(error),

@@ -15,7 +15,7 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::model::Model;
 use crate::linear::pcg::{Pcg, usable};
 use crate::linear::rivalry::Rivalry;
-use crate::linear::trial::{describe, rough_load};
+use crate::linear::trial::{describe, load_of_all_frequencies};
 use crate::memory::StepperMemory;
 use crate::options::{LinearSolver, SolverOptions};
 use crate::work::Work;
@@ -201,7 +201,7 @@ impl ChosenSolver {
             Path::Single(factor) => {
                 factor.factorize(mass, c, k)?;
                 work.solves += 1;
-                let left = factor.relative_residual(&rough_load(system.free_mass()))?;
+                let left = factor.relative_residual(&load_of_all_frequencies(system.free_mass()))?;
                 if left <= SINGLE_LIMIT {
                     return Ok(());
                 }

@@ -28,7 +28,7 @@ pub(crate) fn try_gradients(
     }
     let iteration = cost::iteration(&pcg.facts());
     let limit = (most / iteration) as u32;
-    let load = rough_load(weights);
+    let load = load_of_all_frequencies(weights);
     let mut x = vec![0.0; load.len()];
     let report = pcg.solve(&load, &mut x, accuracy, limit).ok()?;
     work.pcg_iterations += u64::from(report.iterations);
@@ -44,7 +44,7 @@ pub(crate) fn describe(facts: &FactorFacts, single: bool) -> String {
 }
 
 /// Returns a load with all frequencies, the same at every call.
-pub(crate) fn rough_load(mass: &[f64]) -> Vec<f64> {
+pub(crate) fn load_of_all_frequencies(mass: &[f64]) -> Vec<f64> {
     mass.iter().zip(0..).map(|(m, i)| m * rough(i)).collect()
 }
 

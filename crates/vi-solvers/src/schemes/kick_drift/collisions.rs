@@ -33,7 +33,7 @@ const PREFIX: &str = "collisions.";
 pub(super) struct Collisions {
     /// A system with the live terms alone.
     system: System,
-    way: Way,
+    solver: DriftSolver,
     state: State,
     interrupt: Interrupt,
     /// Whether no term acted in the last drift.
@@ -41,7 +41,7 @@ pub(super) struct Collisions {
 }
 
 /// The method by which a drift with acting terms is made.
-enum Way {
+enum DriftSolver {
     /// Solves for the coordinates in contact only.
     Touching(Box<Touching>),
     /// Solves for all coordinates, with constraints if there are any.
@@ -196,18 +196,18 @@ impl Collisions {
             .map_err(|_| SolverError::Memory { missing: "constraints of the system" })?;
         // The energy error is the work of the residual, which is linear in the residual.
         let tolerance = (1e-5 * options.tolerance).max(1e-14);
-        let way = match Touching::new(&system, tolerance, &options.interrupt) {
-            Some(touching) => Way::Touching(Box::new(touching)),
+        let solver = match Touching::new(&system, tolerance, &options.interrupt) {
+            Some(touching) => DriftSolver::Touching(Box::new(touching)),
             None => {
                 let rule = Drift(Midpoint::new());
                 let max_iterations = options.max_iterations.min(MOST_ITERATIONS);
                 let options = SolverOptions { tolerance, max_iterations, ..options.clone() };
-                Way::Whole(Box::new(OneStage::new(rule, &system, &options)?))
+                DriftSolver::Whole(Box::new(OneStage::new(rule, &system, &options)?))
             }
         };
         let interrupt = options.interrupt.clone();
         let state = State { t: 0.0, q: Vec::new(), p: Vec::new() };
-        Ok(Some(Self { system, way, state, interrupt, is_free: false }))
+        Ok(Some(Self { system, solver, state, interrupt, is_free: false }))
     }
 
     /// Drifts from (q, p) at time t by h. Returns `None` if no term acts along the free drift; the caller then makes
@@ -227,8 +227,8 @@ impl Collisions {
         self.state.q.clone_from(q);
         self.state.p.clone_from(p);
         let mut drifted = Drifted::default();
-        match &mut self.way {
-            Way::Whole(stepper) => {
+        match &mut self.solver {
+            DriftSolver::Whole(stepper) => {
                 let is_constrained = !self.system.constraints().is_empty();
                 self.is_free =
                     !is_constrained && !stepper.remembers() && stepper.is_free(&self.system, &self.state, h);
@@ -238,7 +238,7 @@ impl Collisions {
                 let remembered = stepper.live_state();
                 let memory = self.interrupt.is_possible().then(|| stepper.memory());
                 if let Err(error) = self.pass(h, HALVINGS, ledger, &mut drifted) {
-                    if let Way::Whole(stepper) = &mut self.way {
+                    if let DriftSolver::Whole(stepper) = &mut self.solver {
                         match memory.filter(|_| error.is_interruption()) {
                             Some(memory) => stepper.restore(&self.system, &memory)?,
                             None => stepper.go_to_live(&remembered),
@@ -247,7 +247,7 @@ impl Collisions {
                     return Err(error);
                 }
             }
-            Way::Touching(touching) => {
+            DriftSolver::Touching(touching) => {
                 let remembered = touching.keep();
                 touching.ledger = ledger;
                 match Self::pass_touching(touching, &self.system, &mut self.state, h, HALVINGS, &mut drifted)
@@ -302,7 +302,7 @@ impl Collisions {
 
     /// Drifts by h, or by two halves of it if that fails.
     fn pass(&mut self, h: f64, halvings: u32, ledger: bool, sum: &mut Drifted) -> Result<(), SolverError> {
-        let Self { system, way: Way::Whole(stepper), state, .. } = self else { return Ok(()) };
+        let Self { system, solver: DriftSolver::Whole(stepper), state, .. } = self else { return Ok(()) };
         let kinetic = |state: &State| if ledger { vi_core::kinetic_energy(system, state) } else { 0.0 };
         let before = kinetic(state);
         sum.solves += 1;
@@ -325,58 +325,58 @@ impl Collisions {
 
     /// Returns whether all live terms act in the drift, pair by pair.
     pub(super) fn is_exact(&self) -> bool {
-        matches!(self.way, Way::Touching(_))
+        matches!(self.solver, DriftSolver::Touching(_))
     }
 
     /// Returns the energy that the terms store between steps besides V, J.
     pub(super) fn stored(&self) -> f64 {
-        match &self.way {
-            Way::Touching(touching) => touching.stored(),
-            Way::Whole(stepper) => stepper.stored_energy(),
+        match &self.solver {
+            DriftSolver::Touching(touching) => touching.stored(),
+            DriftSolver::Whole(stepper) => stepper.stored_energy(),
         }
     }
 
     /// Returns the impulses between parts of the terms since the last call, N s.
     pub(super) fn take_impulses(&mut self) -> Vec<Impulse> {
-        match &mut self.way {
-            Way::Touching(touching) => touching.take_impulses(),
-            Way::Whole(stepper) => stepper.take_impulses().unwrap_or_default(),
+        match &mut self.solver {
+            DriftSolver::Touching(touching) => touching.take_impulses(),
+            DriftSolver::Whole(stepper) => stepper.take_impulses().unwrap_or_default(),
         }
     }
 
     /// Calls `see` with the forces of the terms over the last drift. Returns false if they are not known.
     pub(super) fn see_forces(&self, see: &mut SeeForces<'_>) -> bool {
-        match &self.way {
-            Way::Touching(touching) => touching.see_forces(see),
-            Way::Whole(_) if self.is_free => true,
-            Way::Whole(stepper) => stepper.see_live_forces(see),
+        match &self.solver {
+            DriftSolver::Touching(touching) => touching.see_forces(see),
+            DriftSolver::Whole(_) if self.is_free => true,
+            DriftSolver::Whole(stepper) => stepper.see_live_forces(see),
         }
     }
 
     /// Returns the smallest gap in the steps since the last call, m; `None` if it is not known.
     pub(super) fn take_smallest_gap(&mut self) -> Option<f64> {
-        match &mut self.way {
-            Way::Touching(touching) => Some(touching.take_smallest_gap().unwrap_or(f64::INFINITY)),
-            Way::Whole(stepper) => stepper.take_smallest_gap(),
+        match &mut self.solver {
+            DriftSolver::Touching(touching) => Some(touching.take_smallest_gap().unwrap_or(f64::INFINITY)),
+            DriftSolver::Whole(stepper) => stepper.take_smallest_gap(),
         }
     }
 
     /// Returns the number of times that the ordering and layout of a matrix were computed.
     pub(super) fn analyses(&self) -> u64 {
-        match &self.way {
-            Way::Touching(_) => 0,
-            Way::Whole(stepper) => stepper.analyses(),
+        match &self.solver {
+            DriftSolver::Touching(_) => 0,
+            DriftSolver::Whole(stepper) => stepper.analyses(),
         }
     }
 
     pub(super) fn save(&self, memory: &mut StepperMemory) {
-        let own = match &self.way {
-            Way::Touching(touching) => {
+        let own = match &self.solver {
+            DriftSolver::Touching(touching) => {
                 let mut own = StepperMemory::default();
                 touching.save(&mut own);
                 own
             }
-            Way::Whole(stepper) => stepper.memory(),
+            DriftSolver::Whole(stepper) => stepper.memory(),
         };
         let arrays = own.arrays.into_iter().map(|(name, values)| (format!("{PREFIX}{name}"), values));
         memory.arrays.extend(arrays);
@@ -395,12 +395,12 @@ impl Collisions {
             counts: counts.collect(),
             texts: texts.collect(),
         };
-        match &mut self.way {
-            Way::Touching(touching) => {
+        match &mut self.solver {
+            DriftSolver::Touching(touching) => {
                 touching.restore(&memory);
                 Ok(())
             }
-            Way::Whole(stepper) => {
+            DriftSolver::Whole(stepper) => {
                 memory.method = stepper.memory().method;
                 stepper.restore(&self.system, &memory)
             }

@@ -4,7 +4,7 @@ use vi_core::System;
 
 use super::complete_tangent::{CompleteTangent, Parts};
 use super::rule::{MultiplierDirections, Rule};
-use super::stage::{Stage, StageEquations};
+use super::stage::{Stage, StageEquations, load_of};
 use crate::assemble::evaluator::Evaluator;
 use crate::assemble::free_path::{FreePath, make_uniform};
 use crate::error::SolverError;
@@ -184,7 +184,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
         if let Some(multipliers) = multipliers {
             multipliers.change(*c, &change[count..], residual);
         }
-        let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
+        let load = load_of(residual, multipliers);
         Ok(vectors::dot(load, correction) / *c)
     }
 
@@ -198,8 +198,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
     fn round_off(&self, evaluator: &Evaluator) -> f64 {
         let Some(pairs) = evaluator.pairs() else { return 0.0 };
         let Stage { c, q, residual, multipliers, .. } = &*self.stage;
-        let load = multipliers.as_ref().map_or(&residual[..], Multipliers::load);
-        let mut bound = vec![0.0; load.len()];
+        let mut bound = vec![0.0; load_of(residual, multipliers).len()];
         pairs.add_bound(f64::EPSILON * c, q, &mut bound);
         size_of(self.system, &bound)
     }
@@ -210,7 +209,7 @@ impl<R: Rule> PairEquations for StageEquations<'_, R> {
 
     fn load_size(&self) -> f64 {
         let Stage { residual, multipliers, .. } = &*self.stage;
-        size_of(self.system, multipliers.as_ref().map_or(&residual[..], Multipliers::load))
+        size_of(self.system, load_of(residual, multipliers))
     }
 
     fn limit(&mut self, evaluator: &mut Evaluator, longest: f64, is_uniform: bool) -> bool {

@@ -234,6 +234,11 @@ pub(super) struct StageEquations<'a, R> {
     pub(super) stage: &'a mut Stage,
 }
 
+/// Returns the load to which the last correction belongs, kg m: with constraints not the whole residual.
+pub(super) fn load_of<'a>(residual: &'a [f64], multipliers: &'a Option<Multipliers>) -> &'a [f64] {
+    multipliers.as_ref().map_or(residual, Multipliers::load)
+}
+
 /// Returns ½ vᵀM v.
 fn inertial_energy(system: &System, inertia: &Inertia, v: &[f64], scratch: &mut Vec<f64>) -> f64 {
     match inertia.matrix() {
@@ -418,7 +423,7 @@ impl<R: Rule> Equations for StageEquations<'_, R> {
 
     fn correction(&mut self) -> (&mut [f64], &[f64]) {
         let Stage { correction, residual, multipliers, .. } = &mut *self.stage;
-        (correction, multipliers.as_ref().map_or(&residual[..], Multipliers::load))
+        (correction, load_of(residual, multipliers))
     }
 
     fn advance(&mut self, fraction: f64) {
