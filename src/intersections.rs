@@ -58,6 +58,8 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     };
     let mut found: Vec<Intersection> = segments.par_chunks(SEGMENTS).flat_map_iter(of_segments).collect();
     found.sort_unstable();
+    // A triangle of which two cubes share a bucket is met twice.
+    found.dedup();
     found
 }
 
@@ -154,7 +156,9 @@ fn sign(value: f64) -> i32 {
 struct Grid {
     origin: [f64; 3],
     size: f64,
-    cubes: HashMap<[i64; 3], Vec<u32>>,
+    /// Index in `members` of the first triangle of each bucket, followed by the total number. Several cubes may share a bucket.
+    starts: Vec<usize>,
+    members: Vec<u32>,
     /// The bounding box of each triangle, and the cube of its lower corner.
     boxes: Vec<[[f64; 3]; 2]>,
     first: Vec<[i64; 3]>,
@@ -162,6 +166,13 @@ struct Grid {
 
 /// Largest number of cubes along the longest side.
 const FINEST: f64 = 256.0;
+
+/// Returns the bucket of a cube among a number of buckets that is a power of two (M. Teschner et al., "Optimized spatial hashing for
+/// collision detection of deformable objects", VMV 2003).
+fn bucket([i, j, k]: [i64; 3], count: usize) -> usize {
+    let mixed = i.wrapping_mul(73_856_093) ^ j.wrapping_mul(19_349_663) ^ k.wrapping_mul(83_492_791);
+    mixed as usize & (count - 1)
+}
 
 impl Grid {
     fn new(points: &[[f64; 3]], triangles: &[[u32; 3]]) -> Self {
@@ -171,27 +182,34 @@ impl Grid {
         let mean = boxes.iter().map(extent).sum::<f64>() / boxes.len().max(1) as f64;
         let size = mean.max(all.longest_side() / FINEST);
         let size = if size > 0.0 && size.is_finite() { size } else { 1.0 };
-        let mut grid =
-            Self { origin: all.low, size, cubes: HashMap::new(), boxes: Vec::new(), first: Vec::new() };
-        for (number, item) in (0..).zip(&boxes) {
-            for cube in grid.cubes_of(item) {
-                grid.cubes.entry(cube).or_default().push(number);
+        let (starts, members) = (Vec::new(), Vec::new());
+        let mut grid = Self { origin: all.low, size, starts, members, boxes: Vec::new(), first: Vec::new() };
+        grid.first = boxes.iter().map(|[low, _]| grid.cube(low)).collect();
+        // Sort the triangles by bucket: count, sum, and fill from the end of each bucket.
+        let count = (4 * boxes.len()).next_power_of_two();
+        let buckets = |item| grid.cubes_of(item).map(|cube| bucket(cube, count));
+        let mut starts = vec![0; count + 1];
+        boxes.iter().flat_map(&buckets).for_each(|bucket| starts[bucket] += 1);
+        let mut total = 0;
+        for start in &mut starts {
+            total += *start;
+            *start = total;
+        }
+        let mut members = vec![0; total];
+        for (number, item) in boxes.iter().enumerate().rev() {
+            for bucket in buckets(item) {
+                starts[bucket] -= 1;
+                members[starts[bucket]] = number as u32;
             }
         }
-        grid.first = boxes.iter().map(|[low, _]| grid.cube(low)).collect();
-        grid.boxes = boxes;
+        (grid.starts, grid.members, grid.boxes) = (starts, members, boxes);
         grid
     }
 
-    fn cubes_of(&self, [low, high]: &[[f64; 3]; 2]) -> Vec<[i64; 3]> {
+    fn cubes_of(&self, [low, high]: &[[f64; 3]; 2]) -> impl Iterator<Item = [i64; 3]> + use<> {
         let [first, last] = [self.cube(low), self.cube(high)];
-        let mut cubes = Vec::new();
-        for i in first[0]..=last[0] {
-            for j in first[1]..=last[1] {
-                cubes.extend((first[2]..=last[2]).map(|k| [i, j, k]));
-            }
-        }
-        cubes
+        let along = move |axis: usize| first[axis]..=last[axis];
+        along(0).flat_map(move |i| along(1).flat_map(move |j| along(2).map(move |k| [i, j, k])))
     }
 
     /// Returns the cube that contains a point.
@@ -210,7 +228,9 @@ impl Grid {
                 let other = self.first[**triangle as usize];
                 cube == [0, 1, 2].map(|k: usize| first[k].max(other[k]))
             };
-            out.extend(self.cubes.get(&cube).into_iter().flatten().filter(is_first));
+            let bucket = bucket(cube, self.starts.len() - 1);
+            let [from, to] = [self.starts[bucket], self.starts[bucket + 1]];
+            out.extend(self.members[from..to].iter().filter(is_first));
         }
     }
 }
