@@ -202,3 +202,44 @@ fn the_probe_in_a_step_that_was_cut_is_the_force_at_its_end() {
     }
     assert!(cut.iter().any(|&force| force > 0.0), "{cut:?}");
 }
+
+/// A sheet hits a box that is hardly wider than it, with strong friction and damping: normals at the rim are inclined, so that friction
+/// that is taken back opens pairs further. Friction and damping never bring energy together.
+#[test]
+fn friction_and_damping_bring_no_energy_where_rims_lie_on_each_other() {
+    for scheme in ["energy-momentum", "implicit-midpoint", "backward-euler", "bdf2", "newmark"] {
+        for (friction, damping) in [(1.0, 0.01), (1.2, 0.002), (0.7, 0.01)] {
+            let program = Program::run(&format!(
+                r#"
+[time]
+end = 2.5e-3
+step = 5e-4
+scheme = "{scheme}"
+[contact]
+friction = {friction}
+damping = {damping}
+[[body]]
+name = "sheet"
+sheet = {{ size = [0.2, 0.2], cells = [1, 1], origin = [-0.1, -0.1, 0.0016] }}
+velocity = [-0.5, 1.2, -1.2]
+material = {{ law = "st-venant-kirchhoff", young = 2e7, poisson = 0.0, density = 1000.0, thickness = 1e-3, bending = "shell" }}
+[[rigid]]
+name = "box"
+shape = {{ kind = "box", size = [0.201, 0.201, 0.08] }}
+position = [0.0, 0.0, -0.04]
+fixed = true
+[output]
+history = 1
+"#
+            ));
+            let history = program.history();
+            let [total, friction_work, damping_work] =
+                ["total", "friction", "contact_damping"].map(|name| history.column(name));
+            let dissipated: Vec<f64> = friction_work.iter().zip(&damping_work).map(|(a, b)| a + b).collect();
+            let start = total[0];
+            assert!(dissipated.windows(2).all(|pair| pair[1] <= pair[0]), "{scheme}: {dissipated:?}");
+            assert!(total.iter().all(|&total| total <= start * (1.0 + 1e-9)), "{scheme}: {total:?}");
+            assert!(dissipated.last().unwrap() < &(-0.1 * start), "{scheme}: {dissipated:?}");
+        }
+    }
+}

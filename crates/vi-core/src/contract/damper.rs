@@ -41,7 +41,7 @@ impl Damper {
 /// c ≤ coefficient   and   c |(a₁, a₂)| ≤ reserve + μ F.
 /// ```
 /// F is negative if dampers resist the opening of a pair. The traction over the step of a pair that slides is then too
-/// large by −μ F, and a force of this size is taken back.
+/// large by −μ F, and a force of this size is taken back, at most all of the traction.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DryFriction {
     /// The dampers of slip along both tangents, without coefficients.
@@ -65,9 +65,10 @@ impl DryFriction {
     }
 
     /// Returns the forces along both tangents, N, that reduce the traction over the step to Coulomb's limit at the
-    /// force F = `pressing` (N).
+    /// force F = `pressing` (N), at most to zero.
     pub fn taken_back(&self, pressing: f64) -> [f64; 2] {
-        let size = if self.slides() { (-self.friction * pressing).max(0.0) } else { 0.0 };
+        let held_back = (-pressing).clamp(0.0, self.pressing.max(0.0));
+        let size = if self.slides() { self.friction * held_back } else { 0.0 };
         self.direction.map(|part| size * part)
     }
 

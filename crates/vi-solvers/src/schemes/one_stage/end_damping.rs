@@ -11,7 +11,9 @@
 //! iteration is.
 //!
 //! Friction is a damper whose c depends on its rate of slip and on the impulses of the dampers that press its pair, both at v'
-//! ([`DryFriction`]). They are found by repeated substitution, each time with a c that only dissipates.
+//! ([`DryFriction`]). They are found by repeated substitution, each time with a c that only dissipates. Friction of the step that is
+//! taken back brings energy, at most what the step has dissipated: otherwise nothing is taken back. At the rim of a body, where a
+//! normal is inclined to the direction of sliding, what is taken back may open pairs further, so that more is taken back, without end.
 
 use std::collections::BTreeMap;
 
@@ -61,6 +63,8 @@ pub(super) struct EndDampers<'a> {
     pub(super) t: f64,
     /// Duration of the step, s.
     pub(super) h: f64,
+    /// Energy that friction and damping have dissipated over the step, J.
+    pub(super) dissipated: f64,
 }
 
 /// A solution μ for given coefficients.
@@ -88,12 +92,31 @@ impl EndDampers<'_> {
         let dampers: Vec<&Damper> =
             dampers.iter().chain(friction.iter().flat_map(|friction| &friction.along)).collect();
         let rates: Vec<f64> = dampers.iter().map(|damper| damper.rate(x_dot)).collect();
-        let mut taken_back = vec![0.0; dampers.len()];
-        let mut coefficients = self.coefficients(&rates, &taken_back);
-        let mut solution = self.solve(&dampers, &coefficients, &taken_back, &rates, work)?;
+        let whole = self.substitute(&dampers, &rates, true, work)?;
+        let damped = self.account(&dampers, v, &rates, whole);
+        if damped.dissipated + damped.friction + self.dissipated >= 0.0 {
+            return Ok(damped);
+        }
+        let dissipative = self.substitute(&dampers, &rates, false, work)?;
+        Ok(self.account(&dampers, v, &rates, dissipative))
+    }
+
+    /// Finds the impulses of dampers and friction, where the dampers have these rates before. Friction of the step is taken back if
+    /// `takes_back`.
+    fn substitute(
+        &self,
+        dampers: &[&Damper],
+        rates: &[f64],
+        takes_back: bool,
+        work: &mut Work,
+    ) -> Result<Solution, SolverError> {
+        let none = vec![0.0; dampers.len()];
+        let mut taken_back = none.clone();
+        let mut coefficients = self.coefficients(rates, &taken_back);
+        let mut solution = self.solve(dampers, &coefficients, &taken_back, rates, work)?;
         for _ in 0..MOST_SUBSTITUTIONS {
-            let next =
-                (self.coefficients(&solution.rates, &solution.impulses), self.taken_back(&solution.impulses));
+            let back = if takes_back { self.taken_back(&solution.impulses) } else { none.clone() };
+            let next = (self.coefficients(&solution.rates, &solution.impulses), back);
             let enough = ENOUGH * self.limit(&solution.impulses);
             let change = |k: usize| {
                 next.1[k] - taken_back[k] - self.h * (next.0[k] - coefficients[k]) * solution.rates[k]
@@ -102,13 +125,13 @@ impl EndDampers<'_> {
                 break;
             }
             (coefficients, taken_back) = next;
-            let next = self.solve(&dampers, &coefficients, &taken_back, &rates, work)?;
+            let next = self.solve(dampers, &coefficients, &taken_back, rates, work)?;
             let last = std::mem::replace(&mut solution, next);
             if self.size_of_friction(|k| solution.impulses[k] - last.impulses[k]) <= enough {
                 break;
             }
         }
-        Ok(self.account(&dampers, v, &rates, solution))
+        Ok(solution)
     }
 
     /// Returns the effects of a solution on velocities v with these rates.
@@ -309,8 +332,15 @@ mod tests {
             let v: Vec<f64> = (0..n).map(|k| (1.7 * k as f64).sin()).collect();
             let inertia = Inertia::new(&system);
             let forces = EndForces { dampers: dampers.to_vec(), friction: Vec::new() };
-            let ends =
-                EndDampers { system: &system, inertia: &inertia, manifold: None, forces: &forces, t: 0.0, h };
+            let ends = EndDampers {
+                system: &system,
+                inertia: &inertia,
+                manifold: None,
+                forces: &forces,
+                t: 0.0,
+                h,
+                dissipated: 1e3,
+            };
             let mut x_dot = vec![0.0; 9];
             system.coordinates().embed_velocity(&v, 0.0, &mut x_dot);
             let damped = ends.damp(&v, &x_dot, &mut Work::default()).unwrap();
@@ -356,10 +386,17 @@ mod tests {
             pressing: 40.0,
             direction: [1.0, 0.0],
         };
-        for (v, c) in [([3.0, 0.0, -1.0], 1e6), ([0.1, 0.0, -1.0], 1e6), ([3.0, 0.0, 1.0], 4.0)] {
+        for (v, c) in [([3.0, 0.0, -1.0], 1e6), ([0.1, 0.0, -1.0], 1e6), ([3.5, 0.0, 1.0], 4.0)] {
             let forces = EndForces { dampers: vec![damper(2, c)], friction: vec![sliding.clone()] };
-            let ends =
-                EndDampers { system: &system, inertia: &inertia, manifold: None, forces: &forces, t: 0.0, h };
+            let ends = EndDampers {
+                system: &system,
+                inertia: &inertia,
+                manifold: None,
+                forces: &forces,
+                t: 0.0,
+                h,
+                dissipated: 1e3,
+            };
             let damped = ends.damp(&v, &v, &mut Work::default()).unwrap();
             let [along, _, pressing] = [0, 1, 2].map(|k: usize| damped.momentum[k]);
             let expected = (-friction * pressing).max(-2.0 * v[0]);
@@ -368,6 +405,11 @@ mod tests {
             let after = [0, 2].map(|k: usize| v[k] + damped.velocity[k]);
             assert!((damped.friction - lost(v[0], after[0])).abs() < 1e-12, "{}", damped.friction);
             assert!((damped.dissipated - lost(v[2], after[1])).abs() < 1e-12, "{}", damped.dissipated);
+            // Without anything dissipated before, friction that would bring energy is not taken back.
+            let damped = EndDampers { dissipated: 0.0, ..ends }.damp(&v, &v, &mut Work::default()).unwrap();
+            let expected = if v[2] > 0.0 { 0.0 } else { along };
+            assert_eq!(damped.momentum[0], expected);
+            assert!(damped.dissipated > 0.0 && damped.friction >= 0.0, "{}", damped.friction);
         }
     }
 }
