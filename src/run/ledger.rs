@@ -14,12 +14,21 @@ pub(crate) struct LedgerKeeper {
     pub(crate) account: EnergyLedger,
     /// Energy below which round-off dominates, J.
     resolution: f64,
+    /// Round-off of the elastic energy, J.
+    round_off: f64,
 }
 
+/// A drift below this multiple of the round-off of the energies counts as none.
+const ROUND_OFF: f64 = 8.0;
+/// The kinetic energy of a vibration whose amplitude is a thousand round-offs of positions, relative to the energy that forces of one
+/// round-off exchange over the size of the body (1e-16 of its stiffness times its squared extent). Less is no motion.
+const STILL: f64 = 5e-10;
+
 impl LedgerKeeper {
-    /// Opens at the first observation. Below the energy `resolution` (J) round-off dominates.
-    pub(crate) fn new(first: &Observation, resolution: f64) -> Self {
-        Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution }
+    /// Opens at the first observation. Forces have round-off with which bodies at rest exchange up to the energy `resolution` (J);
+    /// `round_off` is that of the elastic energy (J).
+    pub(crate) fn new(first: &Observation, resolution: f64, round_off: f64) -> Self {
+        Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution, round_off }
     }
 }
 
@@ -48,9 +57,11 @@ impl Observer for LedgerKeeper {
 
     fn report(&self, simulation: &Simulation, report: &mut Report) {
         let (energy, parts) = (&self.account, &self.account.parts);
-        // If all energies are round-off, their ratio has no meaning.
-        let is_at_rest = energy.drift.max(energy.kinetic_max) <= self.resolution;
-        let is_kept = energy.drift == 0.0 || is_at_rest;
+        // If energies are round-off, their ratio has no meaning.
+        let is_at_rest = energy.kinetic_max <= STILL * self.resolution && energy.drift <= self.resolution;
+        let round_off =
+            ROUND_OFF * (self.round_off + f64::EPSILON * energy.initial.abs().max(energy.current.abs()));
+        let is_kept = energy.drift <= round_off || is_at_rest;
         report.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
         report.energy = json!({
             "initial": energy.initial, "final": energy.current,

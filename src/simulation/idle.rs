@@ -10,11 +10,15 @@ use crate::scene::{Load, Solver};
 
 impl Simulation {
     /// Adds notes on points far from the bodies on which they name a node, on loads that act on held nodes alone, on keys of `[solver]`
-    /// that explicit steps do not read, and on damping that does not act on rigid bodies.
+    /// that explicit steps do not read, on a scheme beside `[static]`, and on damping that does not act on rigid bodies.
     pub(super) fn note_idle(&mut self) {
         let mut notes = self.far_points();
         notes.extend(self.held_loads());
         notes.extend(self.unread_solver_keys());
+        if self.scene.time.scheme.is_some() && self.scene.statics.is_some() {
+            let note = "time.scheme has no effect: [static] finds equilibria without a time integrator";
+            notes.push(note.to_owned());
+        }
         let damping = self.scene.damping.as_ref().is_some_and(|damping| damping.mass_rate != 0.0);
         if let Some(rigid) = self.scene.rigids.iter().find(|rigid| damping && !rigid.is_prescribed()) {
             notes.push(format!(

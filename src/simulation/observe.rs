@@ -49,6 +49,10 @@ pub struct Observation {
     pub load_factor: Option<f64>,
 }
 
+/// Number of shifts by which the round-off of energies is found, and the length of the first one relative to the extent of a component.
+const SHIFTS: u32 = 3;
+const SHIFT: f64 = 1e-12;
+
 impl Observation {
     /// Returns whether all energies and momenta are finite.
     pub fn is_finite(&self) -> bool {
@@ -220,6 +224,32 @@ impl Simulation {
             total += varying.map(|term| of_term(term.as_ref(), &x, (component.state.t, beyond))).sum::<f64>();
         }
         1e-16 * total
+    }
+
+    /// Returns the round-off of the elastic energy, J: its largest change while all nodes move equally by a few resolutions of positions.
+    /// Laws that subtract large numbers have more of it than their energy at rest.
+    pub(crate) fn energy_round_off(&mut self) -> f64 {
+        let mut total = 0.0;
+        for Component { system, state, observer, .. } in &mut self.components {
+            let x = system.positions(state);
+            let observer = observer.get_or_insert_with(|| Assembler::new(system));
+            let mut elastic = |x: &[f64]| observer.energies(x, state.t).elastic;
+            let (coordinates, here) = (system.coordinates(), elastic(&x));
+            let [extent, _] = coordinates.extent_and_reach(&x);
+            let mut change = 0.0_f64;
+            for k in 1..=SHIFTS {
+                let shift = [1.0, -0.7, 0.4].map(|along| f64::from(k) * along * SHIFT * extent);
+                let moves = |dof: usize| !coordinates.is_director(dof as u32 / 3);
+                let shifted: Vec<f64> = x
+                    .iter()
+                    .enumerate()
+                    .map(|(dof, x)| if moves(dof) { x + shift[dof % 3] } else { *x })
+                    .collect();
+                change = change.max((elastic(&shifted) - here).abs());
+            }
+            total += change;
+        }
+        total
     }
 
     /// Returns the positions of the nodes of body number `body`, m.

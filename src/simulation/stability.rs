@@ -6,6 +6,9 @@ use vi_solvers::{Frequencies, Method, SolverError, highest_frequency};
 
 use crate::simulation::{Component, Simulation};
 
+/// The largest part of the stability limit that is advised with contact.
+const WITH_CONTACT: f64 = 0.25;
+
 /// The stability of an explicit scheme at the start of a run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StabilityNote {
@@ -15,6 +18,8 @@ pub struct StabilityNote {
     pub step: f64,
     /// Whether steps are adaptive: then they follow the limit.
     pub is_adaptive: bool,
+    /// Whether bodies may meet. Contact changes the steps that nodes make, and each change adds energy near the limit.
+    pub has_contact: bool,
     /// Highest angular frequency ω of the scene at its start, rad/s.
     pub highest_frequency: f64,
     /// Highest rate at which velocities decay by damping at the start, 1/s.
@@ -24,22 +29,29 @@ pub struct StabilityNote {
 }
 
 impl StabilityNote {
-    /// Returns the longest step that is advised, s: a tenth below the limit, or infinity if a scheme is unstable at any step.
+    /// Returns the longest step that is advised, s: a tenth below the limit, a quarter of the limit with contact (docs/contact.md), or
+    /// infinity if a scheme is unstable at any step.
     pub fn advised_step(&self) -> f64 {
-        if self.step_limit == 0.0 { f64::INFINITY } else { 0.9 * self.step_limit }
+        let share = if self.has_contact { WITH_CONTACT } else { 0.9 };
+        if self.step_limit == 0.0 { f64::INFINITY } else { share * self.step_limit }
     }
 
     /// Returns advice for a run that became unstable with a step slightly below the limit at the start.
     pub fn diagnosis(&self) -> Option<String> {
         let share = self.step / self.step_limit;
-        let is_near = !self.is_adaptive && (0.5..=1.0).contains(&share);
+        let (least, reason, advised) = match self.has_contact {
+            true => (WITH_CONTACT, "near it, contact adds energy", self.advised_step()),
+            false => {
+                (0.5, "the limit falls as bodies deform, and above it a run is unstable", 0.8 * self.step)
+            }
+        };
+        let is_near = !self.is_adaptive && share > least && share <= 1.0;
         is_near.then(|| {
             format!(
-                "the step {:.3e} s was {share:.2} of the stability limit that {} had at the start; the limit falls as \
-                 bodies deform, and above it a run is unstable: try a step of {:.3e} s, or an implicit scheme",
+                "the step {:.3e} s was {share:.2} of the stability limit that {} had at the start; {reason}: try a step of \
+                 {advised:.3e} s, or an implicit scheme",
                 self.step,
                 self.method.name(),
-                0.8 * self.step
             )
         })
     }
@@ -68,13 +80,17 @@ impl StabilityNote {
     }
 }
 
-/// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes, or if nothing oscillates or is damped.
+/// Returns the stability of a simulation's explicit scheme; `None` for implicit schemes and equilibria, or if nothing oscillates or is
+/// damped.
 ///
 /// # Errors
 /// Returns the error of the first component with an unknown highest frequency: the limit is not known then.
 pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, SolverError> {
     let method = simulation.method();
     let Some(limit) = method.facts().stability_limit else { return Ok(None) };
+    if simulation.scene().statics.is_some() {
+        return Ok(None);
+    }
     let (rates, step, rule) = (rates(simulation)?, simulation.step_size(), simulation.adaptive);
     let limiting = limiting(&rates, method);
     if limiting == 0.0 {
@@ -85,6 +101,7 @@ pub fn stability(simulation: &Simulation) -> Result<Option<StabilityNote>, Solve
         method,
         step: longest.map_or(step, |longest| step.min(longest)),
         is_adaptive: rule.is_some(),
+        has_contact: simulation.scene().contact.is_some(),
         highest_frequency: rates.iter().map(|rates| rates.omega).fold(0.0, f64::max),
         damping_rate: rates.iter().map(|rates| rates.damping).fold(0.0, f64::max),
         step_limit: limit / limiting,

@@ -276,6 +276,33 @@ fn a_body_at_rest_does_not_drift() {
     }
 }
 
+/// The energy that a scheme loses is reported however small the motion is: a steel bar whose nodes move by 1e-8 of its length, or less.
+#[test]
+fn the_drift_of_small_motions_is_reported() {
+    let drift = |velocity: &str| {
+        let program = Program::run(&format!(
+            r#"
+            [time]
+            end = 2e-3
+            step = 1e-4
+            scheme = "backward-euler"
+            [[body]]
+            name = "bar"
+            box = {{ size = [0.5, 0.02, 0.01], cells = [10, 1, 1], element = "hex8" }}
+            material = {{ law = "st-venant-kirchhoff", young = 2e11, poisson = 0.3, density = 7850.0 }}
+            velocity = [0.0, 0.0, "{velocity}*x"]
+            [[fix]]
+            body = "bar"
+            region = "x-min"
+            "#
+        ));
+        program.report()["energy"]["relative_drift"].as_f64().unwrap()
+    };
+    let [large, small, least] = ["1e-2", "1e-4", "1e-6"].map(drift);
+    assert!(large > 0.01 && (small / large - 1.0).abs() < 1e-3, "{large} {small}");
+    assert!((least / large - 1.0).abs() < 1e-2, "{large} {least}");
+}
+
 /// The support of a fixed rigid body takes the load, the weight and their moment of what is attached to it.
 #[test]
 fn a_fixed_rigid_body_bears_what_is_attached_to_it() {

@@ -212,8 +212,8 @@ pub enum SolverError {
     /// No equilibrium was found, because bodies can move freely and their loads do not balance.
     #[error(
         "no equilibrium at load factor {load_factor}: nothing holds {bodies} along {axis}, and the loads along {axis} sum to \
-         {load:.3e} N; hold a part of it ([[fix]], or springs by [[attach]]), let it rest on something ([contact]), or balance \
-         its loads"
+         {load:.3e} N; hold a part of it ([[fix]], or springs by [[attach]]), let it rest on something ([contact], with \
+         friction if it can slide off), or balance its loads"
     )]
     Unheld {
         /// The load factor.
