@@ -14,8 +14,6 @@ pub(crate) struct LedgerKeeper {
     pub(crate) account: EnergyLedger,
     /// Energy below which round-off dominates, J.
     resolution: f64,
-    /// Round-off of the elastic energy, J.
-    round_off: f64,
 }
 
 /// A drift below this multiple of the round-off of the energies counts as none.
@@ -25,10 +23,18 @@ const ROUND_OFF: f64 = 8.0;
 const STILL: f64 = 5e-10;
 
 impl LedgerKeeper {
-    /// Opens at the first observation. Forces have round-off with which bodies at rest exchange up to the energy `resolution` (J);
-    /// `round_off` is that of the elastic energy (J).
-    pub(crate) fn new(first: &Observation, resolution: f64, round_off: f64) -> Self {
-        Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution, round_off }
+    /// Opens at the first observation. Forces have round-off with which bodies at rest exchange up to the energy `resolution` (J).
+    pub(crate) fn new(first: &Observation, resolution: f64) -> Self {
+        Self { account: EnergyLedger::new(first.total(), first.kinetic), resolution }
+    }
+
+    /// Returns whether the drift is round-off of the energies, so that its ratio to the kinetic energy has no meaning.
+    fn is_round_off(&self, simulation: &Simulation) -> bool {
+        let EnergyLedger { drift, kinetic_max, initial, current, .. } = self.account;
+        let of_sums = f64::EPSILON * initial.abs().max(current.abs());
+        let is_still = || kinetic_max <= STILL * self.resolution;
+        drift <= ROUND_OFF * of_sums
+            || drift <= self.resolution && (is_still() || drift <= ROUND_OFF * simulation.energy_round_off())
     }
 }
 
@@ -57,12 +63,8 @@ impl Observer for LedgerKeeper {
 
     fn report(&self, simulation: &Simulation, report: &mut Report) {
         let (energy, parts) = (&self.account, &self.account.parts);
-        // If energies are round-off, their ratio has no meaning.
-        let is_at_rest = energy.kinetic_max <= STILL * self.resolution && energy.drift <= self.resolution;
-        let round_off =
-            ROUND_OFF * (self.round_off + f64::EPSILON * energy.initial.abs().max(energy.current.abs()));
-        let is_kept = energy.drift <= round_off || is_at_rest;
-        report.energy_drift = if is_kept { 0.0 } else { energy.drift / energy.kinetic_max };
+        report.energy_drift =
+            if self.is_round_off(simulation) { 0.0 } else { energy.drift / energy.kinetic_max };
         report.energy = json!({
             "initial": energy.initial, "final": energy.current,
             "prescribed_work": parts.prescribed, "force_work": parts.force, "damping_work": parts.damping,

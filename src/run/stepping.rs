@@ -110,7 +110,6 @@ impl Run {
     ) -> Result<(Self, Observation), RunError> {
         let stability = stability(&simulation);
         let first = simulation.observe();
-        let round_off = simulation.energy_round_off();
         let scene = simulation.scene();
         let has_loads = simulation.components().iter().any(|component| {
             component.system().potentials().iter().any(|term| term.account() == vi_core::Account::Load)
@@ -162,7 +161,7 @@ impl Run {
         let store = scene.checkpoint.as_ref().map(|rule| Store::new(directory, rule)).zip(origin);
         let resolution = simulation.resolution();
         let observers = Observers {
-            ledger: LedgerKeeper::new(&first, resolution, round_off),
+            ledger: LedgerKeeper::new(&first, resolution),
             guard: EnergyGuard::new(
                 Watching {
                     rule,

@@ -92,6 +92,24 @@ fn kinetic(stepper: Option<&dyn Stepper>, system: &System, state: &State) -> f64
     }
 }
 
+/// Returns the round-off of the elastic energy of a component, J.
+fn round_off_of(Component { system, state, .. }: &Component) -> f64 {
+    let (x, coordinates, mut assembler) =
+        (system.positions(state), system.coordinates(), Assembler::new(system));
+    let mut elastic = |x: &[f64]| assembler.energies(x, state.t).elastic;
+    let (here, [extent, _]) = (elastic(&x), coordinates.extent_and_reach(&x));
+    let change = |k: u32| {
+        let shift = [1.0, -0.7, 0.4].map(|along| f64::from(k) * along * SHIFT * extent);
+        let moved = |(dof, x): (usize, &f64)| match coordinates.is_director(dof as u32 / 3) {
+            true => *x,
+            false => x + shift[dof % 3],
+        };
+        let shifted: Vec<f64> = x.iter().enumerate().map(moved).collect();
+        (elastic(&shifted) - here).abs()
+    };
+    (1..=SHIFTS).map(change).fold(0.0, f64::max)
+}
+
 /// Returns the forces of the supports of a component, N.
 fn reactions(component: &Component) -> Vec<f64> {
     vi_solvers::reactions(&component.system, &component.state, component.stepper.as_deref())
@@ -228,28 +246,8 @@ impl Simulation {
 
     /// Returns the round-off of the elastic energy, J: its largest change while all nodes move equally by a few resolutions of positions.
     /// Laws that subtract large numbers have more of it than their energy at rest.
-    pub(crate) fn energy_round_off(&mut self) -> f64 {
-        let mut total = 0.0;
-        for Component { system, state, observer, .. } in &mut self.components {
-            let x = system.positions(state);
-            let observer = observer.get_or_insert_with(|| Assembler::new(system));
-            let mut elastic = |x: &[f64]| observer.energies(x, state.t).elastic;
-            let (coordinates, here) = (system.coordinates(), elastic(&x));
-            let [extent, _] = coordinates.extent_and_reach(&x);
-            let mut change = 0.0_f64;
-            for k in 1..=SHIFTS {
-                let shift = [1.0, -0.7, 0.4].map(|along| f64::from(k) * along * SHIFT * extent);
-                let moves = |dof: usize| !coordinates.is_director(dof as u32 / 3);
-                let shifted: Vec<f64> = x
-                    .iter()
-                    .enumerate()
-                    .map(|(dof, x)| if moves(dof) { x + shift[dof % 3] } else { *x })
-                    .collect();
-                change = change.max((elastic(&shifted) - here).abs());
-            }
-            total += change;
-        }
-        total
+    pub(crate) fn energy_round_off(&self) -> f64 {
+        self.components.iter().map(round_off_of).sum()
     }
 
     /// Returns the positions of the nodes of body number `body`, m.
