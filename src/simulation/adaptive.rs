@@ -289,9 +289,12 @@ impl Adaptive {
                     None => None,
                 };
                 done.add(march(course, h / made as f64, to, part, check)?);
-                if k < made && is_asked(k) && may_be_minor {
+                if k == made || !is_asked(k) {
+                    return Ok(());
+                }
+                if may_be_minor {
                     kept.push(state.clone());
-                } else if k < made && is_asked(k) {
+                } else {
                     let required = self.inside(demand, system, state).map_err(failed)?;
                     largest = largest.max(self.density(&required));
                     mean.add(&required, 1.0);

@@ -215,16 +215,10 @@ impl<R: Rule> OneStage<R> {
         if forces.dampers.is_empty() && forces.friction.is_empty() {
             return Ok(());
         }
-        let ends = EndDampers {
-            system,
-            inertia,
-            manifold: manifold.as_ref(),
-            forces: &forces,
-            t: after.t,
-            h,
-            dissipated: -(energy.friction + energy.contact_damping),
-        };
-        let damped = ends.damp(&velocity, &x_dot, &mut evaluator.work)?;
+        let ends =
+            EndDampers { system, inertia, manifold: manifold.as_ref(), forces: &forces, t: after.t, h };
+        let dissipated = -(energy.friction + energy.contact_damping);
+        let damped = ends.damp(&velocity, &x_dot, dissipated, &mut evaluator.work)?;
         after.p.iter_mut().zip(&damped.momentum).for_each(|(p, change)| *p += change);
         if inertia.matrix().is_some() {
             dv.iter_mut().zip(&damped.velocity).for_each(|(dv, change)| *dv += change);

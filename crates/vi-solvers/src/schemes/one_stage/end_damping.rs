@@ -63,8 +63,6 @@ pub(super) struct EndDampers<'a> {
     pub(super) t: f64,
     /// Duration of the step, s.
     pub(super) h: f64,
-    /// Energy that friction and damping have dissipated over the step, J.
-    pub(super) dissipated: f64,
 }
 
 /// A solution μ for given coefficients.
@@ -83,18 +81,25 @@ struct Response {
 }
 
 impl EndDampers<'_> {
-    /// Damps the velocities v of the free coordinates over the step, where `x_dot` holds those of all coordinates.
+    /// Damps the velocities v of the free coordinates over the step, where `x_dot` holds those of all coordinates. Friction and
+    /// damping have `dissipated` this energy over the step, J.
     ///
     /// # Errors
     /// Returns [`SolverError::ConstraintDefect`] if constraints depend on each other where they did not before.
-    pub(super) fn damp(&self, v: &[f64], x_dot: &[f64], work: &mut Work) -> Result<Damped, SolverError> {
+    pub(super) fn damp(
+        &self,
+        v: &[f64],
+        x_dot: &[f64],
+        dissipated: f64,
+        work: &mut Work,
+    ) -> Result<Damped, SolverError> {
         let EndForces { dampers, friction } = self.forces;
         let dampers: Vec<&Damper> =
             dampers.iter().chain(friction.iter().flat_map(|friction| &friction.along)).collect();
         let rates: Vec<f64> = dampers.iter().map(|damper| damper.rate(x_dot)).collect();
         let whole = self.substitute(&dampers, &rates, true, work)?;
         let damped = self.account(&dampers, v, &rates, whole);
-        if damped.dissipated + damped.friction + self.dissipated >= 0.0 {
+        if damped.dissipated + damped.friction + dissipated >= 0.0 {
             return Ok(damped);
         }
         let dissipative = self.substitute(&dampers, &rates, false, work)?;
@@ -332,18 +337,11 @@ mod tests {
             let v: Vec<f64> = (0..n).map(|k| (1.7 * k as f64).sin()).collect();
             let inertia = Inertia::new(&system);
             let forces = EndForces { dampers: dampers.to_vec(), friction: Vec::new() };
-            let ends = EndDampers {
-                system: &system,
-                inertia: &inertia,
-                manifold: None,
-                forces: &forces,
-                t: 0.0,
-                h,
-                dissipated: 1e3,
-            };
+            let ends =
+                EndDampers { system: &system, inertia: &inertia, manifold: None, forces: &forces, t: 0.0, h };
             let mut x_dot = vec![0.0; 9];
             system.coordinates().embed_velocity(&v, 0.0, &mut x_dot);
-            let damped = ends.damp(&v, &x_dot, &mut Work::default()).unwrap();
+            let damped = ends.damp(&v, &x_dot, 0.0, &mut Work::default()).unwrap();
             let after: Vec<f64> = (0..n).map(|k| v[k] + damped.velocity[k]).collect();
             let third = if moves { 0.3 } else { after[6] };
             let rates = [after[0] - after[3], after[3] - third];
@@ -388,16 +386,9 @@ mod tests {
         };
         for (v, c) in [([3.0, 0.0, -1.0], 1e6), ([0.1, 0.0, -1.0], 1e6), ([3.5, 0.0, 1.0], 4.0)] {
             let forces = EndForces { dampers: vec![damper(2, c)], friction: vec![sliding.clone()] };
-            let ends = EndDampers {
-                system: &system,
-                inertia: &inertia,
-                manifold: None,
-                forces: &forces,
-                t: 0.0,
-                h,
-                dissipated: 1e3,
-            };
-            let damped = ends.damp(&v, &v, &mut Work::default()).unwrap();
+            let ends =
+                EndDampers { system: &system, inertia: &inertia, manifold: None, forces: &forces, t: 0.0, h };
+            let damped = ends.damp(&v, &v, 1e3, &mut Work::default()).unwrap();
             let [along, _, pressing] = [0, 1, 2].map(|k: usize| damped.momentum[k]);
             let expected = (-friction * pressing).max(-2.0 * v[0]);
             assert!((along - expected).abs() < 2e-4 * friction * 40.0 * h, "{along} {expected}");
@@ -406,7 +397,7 @@ mod tests {
             assert!((damped.friction - lost(v[0], after[0])).abs() < 1e-12, "{}", damped.friction);
             assert!((damped.dissipated - lost(v[2], after[1])).abs() < 1e-12, "{}", damped.dissipated);
             // Without anything dissipated before, friction that would bring energy is not taken back.
-            let damped = EndDampers { dissipated: 0.0, ..ends }.damp(&v, &v, &mut Work::default()).unwrap();
+            let damped = ends.damp(&v, &v, 0.0, &mut Work::default()).unwrap();
             let expected = if v[2] > 0.0 { 0.0 } else { along };
             assert_eq!(damped.momentum[0], expected);
             assert!(damped.dissipated > 0.0 && damped.friction >= 0.0, "{}", damped.friction);
