@@ -1,16 +1,19 @@
 //! GMRES (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986) 856–869) for systems whose matrix is close to the
 //! identity, because they were preconditioned, and which need few products.
 
-use crate::vectors::{self, dot, norm};
+use crate::vectors;
 
 /// Solves A x = b to ‖b − Ax‖ ≤ `tolerance` ‖b‖ from x = 0, with at most `most` products. `apply` returns A v, and may
-/// fail. Returns x, which does not meet the tolerance if `most` products were not enough, and their number.
+/// fail. `dot` is the inner product of the norm. Returns x, which does not meet the tolerance if `most` products were not
+/// enough, and their number.
 pub(crate) fn solve<E>(
     mut apply: impl FnMut(&[f64]) -> Result<Vec<f64>, E>,
+    dot: impl Fn(&[f64], &[f64]) -> f64,
     b: &[f64],
     tolerance: f64,
     most: usize,
 ) -> Result<(Vec<f64>, usize), E> {
+    let norm = |v: &[f64]| dot(v, v).max(0.0).sqrt();
     let size = norm(b);
     let mut x = vec![0.0; b.len()];
     if size == 0.0 {
@@ -65,6 +68,8 @@ pub(crate) fn solve<E>(
 
 #[cfg(test)]
 mod tests {
+    use crate::vectors::dot;
+
     /// In exact arithmetic, GMRES ends after one product more than the rank of A − I.
     #[test]
     fn a_perturbation_of_low_rank_needs_few_products() {
@@ -80,7 +85,7 @@ mod tests {
             Ok(out)
         };
         let b: Vec<f64> = (0..n).map(|i| 1.0 / (1.0 + i as f64)).collect();
-        let (x, products) = super::solve(apply, &b, 1e-10, 30).unwrap();
+        let (x, products) = super::solve(apply, dot, &b, 1e-10, 30).unwrap();
         let image = apply(&x).unwrap();
         let error = image.iter().zip(&b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
         assert!(products <= 6 && error < 1e-9, "{products} {error:e}");

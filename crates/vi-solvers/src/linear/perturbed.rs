@@ -6,7 +6,7 @@
 //! the rest is solved for in the same way.
 
 use crate::linear::gmres;
-use crate::vectors::{norm, update};
+use crate::vectors::{dot, norm, update};
 
 /// Largest residual relative to b, and largest number of further solves that reduce it.
 const REST: f64 = 1e-3;
@@ -43,7 +43,7 @@ pub(crate) fn solve<P: Perturbed>(system: &mut P, size: f64, forcing: f64) -> Re
             }
             Ok(image)
         };
-        let (delta, count) = gmres::solve(product, &b, forcing, MOST_PRODUCTS)?;
+        let (delta, count) = gmres::solve(product, dot, &b, forcing, MOST_PRODUCTS)?;
         products += count;
         let Some(defect) = system.defect(&delta) else { break };
         update(&mut rest, |k, rest| *rest -= defect[k]);

@@ -81,6 +81,11 @@ impl Attempt {
 
     pub(super) fn renew(&mut self) {
         self.is_renewed = true;
+        self.restart();
+    }
+
+    /// Forgets the contraction so far.
+    pub(super) fn restart(&mut self) {
         self.with_factor = 0;
         self.last_eta = None;
     }

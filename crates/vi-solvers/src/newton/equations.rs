@@ -28,9 +28,14 @@ pub(crate) trait Equations {
     fn omits_curvature(&self) -> bool {
         false
     }
-    /// Returns whether A stands for the coupled equations of several stages. Then the splitting limits convergence,
-    /// however recent K is.
-    fn splits_stages(&self) -> bool {
+    /// Returns the contraction of the error per iteration that A permits, however recent K is: above 0 if A stands for the
+    /// coupled equations of several stages.
+    fn least_contraction(&self) -> f64 {
+        0.0
+    }
+    /// Solves the coupled linear equations of several stages accurately in all further corrections of the step, or again
+    /// approximately; returns whether this makes a difference.
+    fn solve_accurately(&mut self, _accurately: bool) -> bool {
         false
     }
     /// Returns the unknowns, for [`Equations::go_to`].

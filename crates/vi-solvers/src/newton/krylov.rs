@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use crate::error::SolverError;
 use crate::linear::gmres;
 use crate::newton::equations::{Equations, Solve};
-use crate::vectors::norm;
+use crate::vectors::{dot, norm};
 
 /// Largest number of products with J.
 const BASIS: usize = 25;
@@ -78,7 +78,8 @@ fn direction<E: Equations>(
         lengths.scale(&mut change);
         Ok(change)
     };
-    gmres::solve(product, &as_lengths, FORCING, BASIS).map(|(delta, _)| lengths.back(&delta).into_owned())
+    gmres::solve(product, dot, &as_lengths, FORCING, BASIS)
+        .map(|(delta, _)| lengths.back(&delta).into_owned())
 }
 
 /// The factors that make lengths of the unknowns, m; `None` if all are lengths.

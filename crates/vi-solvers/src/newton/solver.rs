@@ -1,5 +1,5 @@
 //! Newton's method for the equations of an implicit step, with the cheapest factor that converges. It escalates in
-//! this order: the rotated old factor; a factor at the iterate; descent by full Newton steps, with projected Hessians
+//! this order: the rotated old factor; accurate linear solutions, where they were not; a factor at the iterate; descent by full Newton steps, with projected Hessians
 //! if needed (`descent`); an error with the facts. The caller may then halve the step; this file does not, because
 //! that changes h.
 
@@ -135,8 +135,8 @@ impl Newton {
             let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
             let gone = if diverges { None } else { self.accept(solve, eta, decrement, longest).ok() };
             let Some(fraction) = gone else {
-                // Start again with a factor at the current place.
-                attempt.escalate(Reason::Slow);
+                // Start again, with a factor at the new place if nothing else helps.
+                self.escalate(solve, &mut attempt);
                 self.begin(solve, attempt.safer_start())?;
                 self.anderson.restart();
                 continue;
@@ -247,8 +247,20 @@ impl Newton {
         }
     }
 
-    fn consider_new_factor<E: Equations>(&self, solve: &Solve<'_, E>, attempt: &mut Attempt, eta: f64) {
+    fn consider_new_factor<E: Equations>(
+        &mut self,
+        solve: &mut Solve<'_, E>,
+        attempt: &mut Attempt,
+        eta: f64,
+    ) {
         if solve.inverse.is_linear() {
+            // A new factor would be the same.
+            if attempt.mean_contraction().is_some_and(|theta| theta > 1.0)
+                && solve.equations.solve_accurately(true)
+            {
+                attempt.restart();
+                self.anderson.restart();
+            }
             return;
         }
         if attempt.to_round_off && solve.equations.model_is_exact() {
@@ -259,12 +271,7 @@ impl Newton {
             return;
         }
         let Some(theta) = attempt.mean_contraction() else { return };
-        if solve.equations.splits_stages()
-            && attempt.is_renewed
-            && attempt.first_eta <= DOUBT_ABOVE
-            && theta < 1.0
-        {
-            // A factor made near the solution is as good as any.
+        if theta <= solve.equations.least_contraction() {
             return;
         }
         if solve.equations.model_is_partial() && attempt.is_renewed && theta < STEADY {
@@ -277,6 +284,16 @@ impl Newton {
             f64::INFINITY
         };
         if self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining) {
+            self.escalate(solve, attempt);
+        }
+    }
+
+    /// Solves linear equations accurately if they were not; otherwise asks for a new factor.
+    fn escalate<E: Equations>(&mut self, solve: &mut Solve<'_, E>, attempt: &mut Attempt) {
+        if solve.equations.solve_accurately(true) {
+            attempt.restart();
+            self.anderson.restart();
+        } else {
             attempt.escalate(Reason::Slow);
         }
     }

@@ -1,11 +1,13 @@
 //! Gauss collocation with s stages, order 2s, solved with one symmetric positive definite factor.
 //!
 //! With T = A² (A is Butcher's matrix) the stages Q_i = q₀ + c_i h v₀ + Z_i solve R_i = M Z_i + h² Σ_j T_ij
-//! ∂V/∂q(Q_j) = 0. The iteration replaces QᵀTQ by a lower triangular L with constant diagonal θ (`splitting`), so
+//! ∂V/∂q(Q_j) = 0. The iteration replaces QᵀTQ by a lower triangular L with constant diagonal θ (`collocation`), so
 //! that all its blocks are A = M + h²θK. With r̃ = −QᵀR: ρ_i = r̃_i − Σ_{j<i} (L_ij/θ)(ρ_j − M Δ̃_j), A Δ̃_i = ρ_i, Z
-//! += Q Δ̃, without any product with K. For s ≥ 2 the stages do not minimise any function.
+//! += Q Δ̃, without any product with K. Where that converges slowly, the equations with QᵀTQ are solved instead
+//! (`coupled`). For s ≥ 2 the stages do not minimise any function.
 
 pub(crate) mod collocation;
+mod coupled;
 mod stages;
 
 use vi_core::{Impulse, Scheme, State, StepEnergy, System};

@@ -263,6 +263,31 @@ fn a_linear_system_factors_once_and_iterates_once() {
     }
 }
 
+/// While a body moves little, the coupled equations of the stages of a Gauss step are nearly linear. Then a few factors and iterations
+/// suffice for any number of stages, however long the step is.
+#[test]
+fn coupled_stages_of_small_motions_converge_with_few_factors() {
+    let chain = SpringChain::unit(30);
+    let system = chain.system().unwrap();
+    for h in [2.0, 10.0, 50.0] {
+        for method in gauss() {
+            let x: Vec<f64> = (0..90).map(|dof| if dof % 3 == 0 { (dof / 3) as f64 } else { 0.0 }).collect();
+            let v: Vec<f64> = (0..90).map(|dof| 1e-6 * (f64::from(dof) * 1.7).sin()).collect();
+            let mut state = system.state(0.0, &x, &v).unwrap();
+            let mut stepper = vi_solvers::stepper(&method, &system, &SolverOptions::default()).unwrap();
+            let steps = 10;
+            for step in 0..steps {
+                let outcome = stepper.step(&system, &mut state, h);
+                assert!(outcome.is_ok(), "{method:?}, h = {h}, step {step}: {outcome:?}");
+            }
+            let work = stepper.work();
+            let [factors, iterations] = [work.factorizations, work.newton_iterations];
+            assert!(factors <= 2 * steps, "{method:?}, h = {h}: {factors}");
+            assert!(iterations <= 12 * steps, "{method:?}, h = {h}: {iterations}");
+        }
+    }
+}
+
 #[test]
 fn a_body_at_rest_in_balance_is_not_solved() {
     let chain = SpringChain::unit(6);

@@ -18,7 +18,11 @@ pub(crate) struct Collocation {
     pub(crate) b: Vec<f64>,
     /// Diagonal of the splitting.
     pub(crate) theta: f64,
+    /// Contraction of the iteration with the splitting.
+    pub(crate) rate: f64,
     pub(crate) l: Rows,
+    /// (QᵀTQ − L)/θ, what the splitting omits.
+    pub(crate) omitted: Rows,
     pub(crate) q: Rows,
     pub(crate) q_transposed: Rows,
     /// QᵀT.
@@ -57,9 +61,13 @@ impl Collocation {
         };
         let position = row((0..s).map(|i| b[i] * (1.0 - c[i])).collect());
         let velocity = row(b.clone());
+        let l = DMatrix::from_fn(s, s, |i, j| if j > i { 0.0 } else { splitting.l[i * (i + 1) / 2 + j] });
+        let omitted = rows(&((q.transpose() * &t * &q - l) / splitting.theta));
         let prediction = rows(&(&t * line_extrapolation(&c) * &inverse));
         Ok(Self {
             theta: splitting.theta,
+            rate: splitting.rate,
+            omitted,
             l: (0..s).map(|i| splitting.l[i * (i + 1) / 2..][..i].to_vec()).collect(),
             q_transposed: rows(&q.transpose()),
             q_transposed_t: rows(&(q.transpose() * &t)),
@@ -114,7 +122,6 @@ struct Splitting {
     /// The lower triangle of L by rows, including the diagonal.
     l: &'static [f64],
     /// Largest spectral radius.
-    #[cfg(test)]
     rate: f64,
 }
 
@@ -125,7 +132,6 @@ impl Splitting {
                 theta: 0.07292380408065152,
                 q: &[0.9511645499252452, 0.3086843030759837, -0.3086843030759837, 0.9511645499252452],
                 l: &[0.07292380408065152, 0.14080433362459546, 0.07292380408065152],
-                #[cfg(test)]
                 rate: 0.145,
             },
             3 => Self {
@@ -149,7 +155,6 @@ impl Splitting {
                     -0.04576433328498563,
                     0.03783675699794215,
                 ],
-                #[cfg(test)]
                 rate: 0.255,
             },
             4 => Self {
@@ -184,7 +189,6 @@ impl Splitting {
                     -0.026977062814991185,
                     0.01821402296128097,
                 ],
-                #[cfg(test)]
                 rate: 0.504,
             },
             5 => Self {
@@ -233,7 +237,6 @@ impl Splitting {
                     -0.021751421743363704,
                     0.011682623442838344,
                 ],
-                #[cfg(test)]
                 rate: 0.612,
             },
             _ => return None,

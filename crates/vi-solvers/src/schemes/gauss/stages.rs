@@ -9,6 +9,7 @@ use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
 use crate::schemes::gauss::collocation::Collocation;
+use crate::schemes::gauss::coupled::CoupledStages;
 use crate::vectors;
 
 /// The unknowns and buffers of the stages; stage vectors are stored one after another.
@@ -33,6 +34,8 @@ pub(super) struct Stages {
     /// M Z of the last evaluation, if the mass is consistent.
     pub(super) inertial: Vec<f64>,
     pub(super) scratch: Vec<f64>,
+    /// Whether the linear equations of the stages are solved accurately, rather than by one sweep.
+    pub(super) is_accurate: bool,
     pub(super) q: Vec<f64>,
 }
 
@@ -57,6 +60,7 @@ impl Stages {
             gradients: zero(),
             inertial: Vec::new(),
             scratch: Vec::new(),
+            is_accurate: false,
             q: vec![0.0; n],
         }
     }
@@ -64,6 +68,7 @@ impl Stages {
     pub(super) fn open(&mut self, system: &System, inertia: &Inertia, state: &State, h: f64) {
         let (mass, v) = (system.free_mass(), inertia.velocity(system, &state.p));
         (self.h, self.t) = (h, state.t);
+        self.is_accurate = false;
         self.origin.copy_from_slice(&state.q);
         vectors::fill(&mut self.velocity, |k| v.at(k));
         self.twice_kinetic = match inertia.matrix() {
@@ -157,8 +162,15 @@ impl Equations for GaussEquations<'_> {
         false
     }
 
-    fn splits_stages(&self) -> bool {
-        true
+    fn least_contraction(&self) -> f64 {
+        match self.stages.is_accurate {
+            true => 0.0,
+            false => self.stages.coefficients.rate,
+        }
+    }
+
+    fn solve_accurately(&mut self, accurately: bool) -> bool {
+        accurately != std::mem::replace(&mut self.stages.is_accurate, accurately)
     }
 
     fn unknowns(&self) -> &[f64] {
@@ -216,25 +228,19 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn correct(&mut self, inverse: &mut Inverse, evaluator: &mut Evaluator) -> Result<f64, SolverError> {
-        let Stages { coefficients, correction, residual, z, base, q, scratch, .. } = &mut *self.stages;
-        let n = q.len();
-        let mut energy = 0.0;
-        for i in 0..coefficients.stages() {
-            let (done, delta) = correction.split_at_mut(i * n);
-            let (rho, current) = residual.split_at_mut(i * n);
-            let (delta, current) = (&mut delta[..n], &mut current[..n]);
-            for j in 0..i {
-                let coupling = coefficients.l[i][j] / coefficients.theta;
-                let (rho, done) = (&rho[j * n..(j + 1) * n], &done[j * n..(j + 1) * n]);
-                let inertial = self.inertia.momentum(self.system, done, scratch);
-                vectors::update(current, |k, r| *r -= coupling * (rho[k] - inertial.at(k)));
-            }
-            delta.copy_from_slice(current);
-            inverse.apply(evaluator, delta)?;
-            energy += vectors::sum(n, |k| current[k] * delta[k]);
-        }
+        let Stages { coefficients, correction, residual, z, base, q, scratch, is_accurate, .. } =
+            &mut *self.stages;
+        let (system, inertia, n) = (self.system, self.inertia, q.len());
+        let mut coupled = CoupledStages { system, inertia, coefficients, inverse, evaluator, scratch, n };
+        let delta = match is_accurate {
+            true => coupled.solve(residual)?,
+            false => coupled.sweep(residual.clone())?,
+        };
+        let (values, loads) = delta.split_at(residual.len());
+        correction.copy_from_slice(values);
+        residual.copy_from_slice(loads);
         base.copy_from_slice(z);
-        Ok(energy / self.coefficient())
+        Ok(vectors::dot(correction, residual) / self.coefficient())
     }
 
     fn correction(&mut self) -> (&mut [f64], &[f64]) {
