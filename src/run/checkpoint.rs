@@ -19,7 +19,7 @@ pub(crate) use store::{Store, is_file_name};
 
 const MAGIC: &[u8; 8] = b"VI-CHECK";
 /// Number of the format; increased with every change of the record.
-const FORMAT: u64 = 18;
+const FORMAT: u64 = 19;
 
 /// Error that prevents a run from continuing.
 #[derive(Debug, thiserror::Error)]

@@ -12,7 +12,7 @@ use crate::record::{self, Damage, record};
 
 const MAGIC: &[u8; 8] = b"VI-STATE";
 /// Version of the record; increase it with every change of the record.
-const FORMAT: u64 = 12;
+const FORMAT: u64 = 13;
 
 /// Largest number of parts into which [`Simulation::halve`] divides a step.
 const MOST_PARTS: u32 = 1024;

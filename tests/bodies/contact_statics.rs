@@ -36,6 +36,14 @@ ledger = true
     )
 }
 
+/// Holds one side of the block of [`slope`] in the plane, where friction does not.
+const HELD: &str = r#"
+[[fix]]
+body = "block"
+region = "x-min"
+axes = ["x", "y"]
+"#;
+
 /// Below the angle of friction a block holds, and the slope carries its weight to round-off of the solve. Above, no
 /// equilibrium exists, and the run says so.
 #[test]
@@ -136,6 +144,32 @@ fn a_pull_to_and_fro_leaves_a_displacement() {
 #[test]
 fn equilibria_with_friction_resume_with_the_same_bits() {
     assert_same_bits("equilibria", &pulled(0.8), 0.2, 3);
+}
+
+/// Where no load changes, the last equilibrium is one: it is not solved for again, with friction and without, and forces and accounts
+/// stay what they are. A run that is resumed there has the same bits.
+#[test]
+fn an_equilibrium_under_constant_loads_is_kept() {
+    for friction in [0.0, 0.5] {
+        let angle = 0.5 * friction;
+        let one = slope(angle, friction, "hex8").replace("friction = 0\n", "");
+        let one = if friction > 0.0 { one } else { one + HELD };
+        let ten = one.replace("step = 1.0", "step = 0.1");
+        let [one, run] = [Program::run(&one), Program::run(&ten)];
+        let count = |program: &Program, name: &str| program.report()["work"][name].as_u64().unwrap();
+        assert_eq!(count(&run, "skipped"), 9, "{friction}");
+        assert_eq!(count(&run, "factorizations"), count(&one, "factorizations"), "{friction}");
+        let history = run.history();
+        for name in ["foot.fx", "foot.fz", "elastic", "contact", "friction", "smallest_gap"] {
+            let column = history.column(name);
+            let first = column[1];
+            assert!(
+                column[1..].iter().all(|value| (value - first).abs() <= 1e-9 * first.abs()),
+                "{name}: {column:?}"
+            );
+        }
+        assert_same_bits("kept", &ten, 0.2, 3);
+    }
 }
 
 /// What does not apply to equilibria is refused with the way out.

@@ -15,6 +15,7 @@ pub(crate) mod nodal_forces;
 pub(crate) mod options;
 mod path;
 pub(crate) mod path_following;
+mod persistence;
 pub(crate) mod quasi_static;
 mod release;
 mod rubbing;

@@ -46,13 +46,15 @@ pub fn equilibrium_path(
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
-    search(system, state, options, watch, &mut Rubbed::default())
+    search(system, state, None, options, watch, &mut Rubbed::default())
 }
 
-/// Does the same as [`equilibrium_path`], after earlier equilibria that left friction in the state `rubbed`.
+/// Does the same as [`equilibrium_path`], after earlier equilibria that left friction in the state `rubbed`. If `state` is the
+/// last of them, `is_stable` tells whether it is stable; otherwise it is `None`.
 pub(super) fn search(
     system: &System,
     state: &mut State,
+    is_stable: Option<bool>,
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
     rubbed: &mut Rubbed,
@@ -70,7 +72,10 @@ pub(super) fn search(
     if !found.q.is_empty() {
         match options.arc_steps {
             Some(steps) => follow::follow(&mut search, &mut found, steps)?,
-            None => search.step_loads(&mut found)?,
+            None => match is_stable {
+                Some(is_stable) if search.persists(&found) => search.keep(&mut found, is_stable)?,
+                _ => search.step_loads(&mut found)?,
+            },
         }
     } else {
         found.t = options.end;

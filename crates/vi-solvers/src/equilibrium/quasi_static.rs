@@ -24,6 +24,10 @@ const STORED: &str = "friction.stored";
 /// Name of the choice of conjugate gradients in the memory.
 const PCG: &str = "static.pcg";
 
+/// Names of the last equilibrium in the memory.
+const EQUILIBRIUM: &str = "static.equilibrium";
+const STABLE: &str = "static.stable";
+
 struct QuasiStatic {
     options: StaticOptions,
     ledger: Option<Assembler>,
@@ -32,6 +36,8 @@ struct QuasiStatic {
     /// The linear solver of the first step and the reason for it; later steps keep it.
     linear: Option<(LinearSolver, String)>,
     friction: Rubbed,
+    /// The last equilibrium, and whether it is stable.
+    last: Option<(Vec<f64>, bool)>,
     /// Duration of the last step.
     h: f64,
 }
@@ -68,6 +74,7 @@ pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Bo
         findings: Vec::new(),
         linear: None,
         friction: Rubbed::default(),
+        last: None,
         h: 0.0,
     })
 }
@@ -83,7 +90,8 @@ impl Stepper for QuasiStatic {
         };
         let before = state.clone();
         let mut rubbed = Rubbed { work: 0.0, ..self.friction.clone() };
-        let report = search(system, state, &options, &mut |_, _| true, &mut rubbed)
+        let is_stable = self.last.as_ref().filter(|(q, _)| *q == state.q).map(|&(_, is_stable)| is_stable);
+        let report = search(system, state, is_stable, &options, &mut |_, _| true, &mut rubbed)
             .map_err(|cause| StepError { t: before.t, h, cause })?;
         self.findings.extend(findings(&report));
         if self.linear.is_none() {
@@ -92,6 +100,7 @@ impl Stepper for QuasiStatic {
         let stored = rubbed.stored - self.friction.stored;
         let friction = rubbed.work;
         self.friction = rubbed;
+        self.last = Some((state.q.clone(), report.is_stable()));
         self.h = h;
         let energy = StepEnergy { friction, ..report.energy };
         let energy = with_error(energy, stored, self.ledger.as_mut(), system, [&before, state]);
@@ -136,6 +145,10 @@ impl Stepper for QuasiStatic {
         let mut memory = StepperMemory { method: NAME.to_owned(), ..Default::default() };
         self.friction.memory.save(FRICTION, &mut memory);
         memory.arrays.push((STORED.to_owned(), vec![self.friction.stored]));
+        if let Some((q, is_stable)) = &self.last {
+            memory.arrays.push((EQUILIBRIUM.to_owned(), q.clone()));
+            memory.counts.push((STABLE.to_owned(), u64::from(*is_stable)));
+        }
         let chosen = self.linear.as_ref().map(|(linear, _)| match linear {
             LinearSolver::Petsc => 2,
             LinearSolver::Pcg => 1,
@@ -162,6 +175,10 @@ impl Stepper for QuasiStatic {
         let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();
         let stored = memory.array(STORED)?.first().copied().unwrap_or(0.0);
         self.friction = Rubbed { memory: state, stored, ..Rubbed::default() };
+        self.last = match (memory.array(EQUILIBRIUM), memory.count(STABLE)) {
+            (Ok(q), Ok(is_stable)) => Some((q.to_vec(), is_stable == 1)),
+            _ => None,
+        };
         Ok(())
     }
 }
