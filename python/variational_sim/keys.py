@@ -111,12 +111,10 @@ class Attach(TypedDict, total=False):
     to: Union[str, None]
     """The body to whose surface they are attached; without it, they are attached to points in space."""
 
-CellKind = Union[Literal['point'], Literal['line2'], Literal['line3'], Literal['tri3'], Literal['tri6'], Literal['quad4'], Literal['quad8'], Literal['quad9'], Literal['tet4'], Literal['tet10'], Literal['hex8'], Literal['hex20'], Literal['hex27'], Literal['wedge6'], Literal['wedge15'], Literal['wedge18'], Literal['pyramid5'], Literal['pyramid13'], Literal['pyramid14']]
-
 class BoxMesh(TypedDict, total=False):
     cells: Numbers
     """Cells along x, y, z; at least 1 each."""
-    element: CellKind
+    element: Literal['tet4', 'tet10', 'hex8', 'hex20', 'hex27', 'wedge6', 'wedge15', 'wedge18', 'pyramid5']
     """The kind of element. A cell is one hexahedron, 2 wedges or 6 tetrahedra. A mesh that is no body may also have 6 pyramids per cell."""
     origin: Numbers
     """The corner of smallest coordinates, m."""

@@ -162,6 +162,20 @@ fn one_typo_is_one_problem() {
     }
 }
 
+/// An element of which no box consists is one problem, and the error names those of which boxes consist.
+#[test]
+fn boxes_name_their_elements() {
+    for (element, expected) in
+        [("hex", "did you mean \"hex8\"? Expected one of \"tet4\""), ("quad4", "expected one of \"tet4\"")]
+    {
+        let shape = format!("box = {{ size = [1.0, 0.1, 0.1], cells = [4, 1, 1], element = \"{element}\" }}");
+        let scene = GOOD.replace("mesh = \"MESHES/beam.msh\"", &shape).replace("\"clamp\"", "\"x-min\"");
+        let errors = Program::check(&scene).errors();
+        assert_eq!(errors.matches("error:").count(), 1, "{errors}");
+        assert!(errors.contains(expected), "{errors}");
+    }
+}
+
 #[test]
 fn an_equilibrium_needs_no_scheme() {
     let scene = GOOD.replace("scheme = \"stormer-verlet\"\n", "") + "\n[static]\n";

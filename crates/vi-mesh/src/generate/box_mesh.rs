@@ -17,7 +17,11 @@ pub struct BoxMesh {
     pub cells: [u32; 3],
     /// The kind of element. A cell is one hexahedron, 2 wedges or 6 tetrahedra. A mesh that is no body may also have 6 pyramids
     /// per cell.
-    #[cfg_attr(feature = "serde", serde(default = "default_element"))]
+    #[cfg_attr(
+        feature = "serde",
+        serde(default = "default_element"),
+        schemars(schema_with = "element_schema")
+    )]
     pub element: CellKind,
     /// The corner of smallest coordinates, m.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -27,6 +31,13 @@ pub struct BoxMesh {
 #[cfg(feature = "serde")]
 fn default_element() -> CellKind {
     CellKind::Tet4
+}
+
+/// Returns the schema of the kinds of cells of which a box can consist.
+#[cfg(feature = "serde")]
+fn element_schema(_: &mut schemars::SchemaGenerator) -> schemars::Schema {
+    let names: Vec<&str> = BoxMesh::elements().map(CellKind::name).collect();
+    schemars::json_schema!({ "type": "string", "enum": names })
 }
 
 /// The faces of a box: name, the axis that is normal to it, and whether it is the far one.
