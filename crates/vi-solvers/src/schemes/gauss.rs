@@ -25,7 +25,7 @@ use crate::newton::solver::Newton;
 use crate::options::SolverOptions;
 use crate::schemes::accounts::{self, PotentialEnergies};
 use crate::schemes::at_rest;
-use crate::schemes::gauss::collocation::Collocation;
+use crate::schemes::gauss::collocation::{Collocation, combine};
 use crate::schemes::gauss::stages::{GaussEquations, Stages};
 use crate::schemes::live_impulses::LiveImpulses;
 use crate::schemes::resolution::Resolution;
@@ -92,8 +92,8 @@ impl Gauss {
         let (n, mass, z) = (state.q.len(), system.free_mass(), &*z);
         let State { t, q, p } = &mut self.after;
         *t = state.t + h;
-        let position = |k: usize| h * velocity[k] + Stages::combine(&coefficients.position, z, n, k);
-        let change = |k: usize| Stages::combine(&coefficients.velocity, z, n, k) / h;
+        let position = |k: usize| h * velocity[k] + combine(&coefficients.position, z, n, k);
+        let change = |k: usize| combine(&coefficients.velocity, z, n, k) / h;
         if self.inertia.matrix().is_some() {
             self.dv.resize(n, 0.0);
             vectors::fill(&mut self.dv, change);

@@ -87,6 +87,11 @@ impl Collocation {
     }
 }
 
+/// Returns Σ_j row_j z_j for coordinate k of stage vectors of length n, which are stored one after another.
+pub(super) fn combine(row: &[f64], vectors: &[f64], n: usize, k: usize) -> f64 {
+    row.iter().enumerate().map(|(j, a)| a * vectors[j * n + k]).sum()
+}
+
 fn rows(matrix: &DMatrix<f64>) -> Rows {
     matrix.row_iter().map(|row| row.iter().copied().collect()).collect()
 }

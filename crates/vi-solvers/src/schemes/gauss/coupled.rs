@@ -12,8 +12,7 @@ use crate::assemble::inertia::Inertia;
 use crate::error::SolverError;
 use crate::linear::gmres;
 use crate::newton::inverse::Inverse;
-use crate::schemes::gauss::collocation::Collocation;
-use crate::schemes::gauss::stages::Stages;
+use crate::schemes::gauss::collocation::{Collocation, combine};
 use crate::vectors;
 
 /// Relative error of an accurate solution. With .1, bars and blocks whose steps are long compared to their fast periods take
@@ -55,7 +54,7 @@ impl CoupledStages<'_> {
         }
         let mut omitted = vec![0.0; stiff.len()];
         for (row, omitted) in self.coefficients.omitted.iter().zip(omitted.chunks_exact_mut(self.n)) {
-            vectors::fill(omitted, |k| Stages::combine(row, &stiff, self.n, k));
+            vectors::fill(omitted, |k| combine(row, &stiff, self.n, k));
         }
         let mut image = self.sweep(omitted)?;
         vectors::update(&mut image, |k, value| *value += v[k]);

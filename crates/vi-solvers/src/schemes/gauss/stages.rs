@@ -8,7 +8,7 @@ use crate::error::SolverError;
 use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
-use crate::schemes::gauss::collocation::Collocation;
+use crate::schemes::gauss::collocation::{Collocation, combine};
 use crate::schemes::gauss::coupled::CoupledStages;
 use crate::vectors;
 
@@ -94,7 +94,7 @@ impl Stages {
     /// Returns the velocity of coordinate k at stage i.
     pub(super) fn stage_velocity(&self, i: usize, k: usize) -> f64 {
         let Self { coefficients, z, velocity, h, q, .. } = self;
-        velocity[k] + Self::combine(&coefficients.stage_velocity[i], z, q.len(), k) / h
+        velocity[k] + combine(&coefficients.stage_velocity[i], z, q.len(), k) / h
     }
 
     /// Evaluates the forces at stage i; those without a potential at the velocity of the stage.
@@ -136,14 +136,9 @@ impl Stages {
     /// Returns Σ_j row_j M Z_j of the last evaluation for coordinate k.
     pub(super) fn combine_inertial(&self, mass: &[f64], row: &[f64], k: usize) -> f64 {
         match self.inertial.is_empty() {
-            true => mass[k] * Self::combine(row, &self.z, self.q.len(), k),
-            false => Self::combine(row, &self.inertial, self.q.len(), k),
+            true => mass[k] * combine(row, &self.z, self.q.len(), k),
+            false => combine(row, &self.inertial, self.q.len(), k),
         }
-    }
-
-    /// Returns Σ_j row_j of the stage vectors for coordinate k.
-    pub(super) fn combine(row: &[f64], vectors: &[f64], n: usize, k: usize) -> f64 {
-        row.iter().enumerate().map(|(j, a)| a * vectors[j * n + k]).sum()
     }
 }
 
@@ -190,7 +185,7 @@ impl Equations for GaussEquations<'_> {
             match start {
                 Start::Predicted if *has_history => {
                     let row = &coefficients.prediction[i];
-                    vectors::fill(z, |k| *h * *h * Stages::combine(row, history, n, k));
+                    vectors::fill(z, |k| *h * *h * combine(row, history, n, k));
                 }
                 Start::Stiff if *has_history => {
                     let last = &history[i * n..(i + 1) * n];
@@ -220,7 +215,7 @@ impl Equations for GaussEquations<'_> {
             let (rotation, weights) = (&coefficients.q_transposed[i], &coefficients.q_transposed_t[i]);
             vectors::fill(residual, |k| {
                 let inertial = stages.combine_inertial(mass, rotation, k);
-                -(inertial + *h * *h * Stages::combine(weights, gradients, n, k))
+                -(inertial + *h * *h * combine(weights, gradients, n, k))
             });
         }
         self.stages.residual = residual;
@@ -256,7 +251,7 @@ impl Equations for GaussEquations<'_> {
         let n = q.len();
         for (i, z) in z.chunks_exact_mut(n).enumerate() {
             let (row, base) = (&coefficients.q[i], &base[i * n..(i + 1) * n]);
-            vectors::fill(z, |k| base[k] + fraction * Stages::combine(row, correction, n, k));
+            vectors::fill(z, |k| base[k] + fraction * combine(row, correction, n, k));
         }
     }
 
