@@ -57,6 +57,9 @@ fn a_free_motion_under_load_is_named() {
         ),
     ] {
         let program = Program::try_run(&scene, &[]);
+        // The report counts the work of the step that failed.
+        let iterations = &program.report()["work"]["newton_iterations"];
+        assert!(iterations.as_u64() > Some(0), "{iterations}");
         let errors = program.errors();
         assert_eq!(program.code(), Some(4), "{scene}\n{errors}");
         assert!(errors.contains(&format!("nothing holds {named}")), "{scene}\n{errors}");

@@ -16,6 +16,7 @@ use crate::equilibrium::rubbing;
 use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 use crate::vectors;
+use crate::work::Work;
 
 /// If a body moves this many times farther per unit of load than in the previous step, it may have snapped.
 const SNAP_RATIO: f64 = 5.0;
@@ -46,11 +47,12 @@ pub fn equilibrium_path(
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
-    search(system, state, None, options, watch, &mut Rubbed::default())
+    search(system, state, None, options, watch, &mut Rubbed::default(), &mut Work::default())
 }
 
 /// Does the same as [`equilibrium_path`], after earlier equilibria that left friction in the state `rubbed`. If `state` is the
-/// last of them, `is_stable` tells whether it is stable; otherwise it is `None`.
+/// last of them, `is_stable` tells whether it is stable; otherwise it is `None`. Adds the work done to `work`, whether the
+/// search succeeds or fails.
 pub(super) fn search(
     system: &System,
     state: &mut State,
@@ -58,6 +60,7 @@ pub(super) fn search(
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
     rubbed: &mut Rubbed,
+    work: &mut Work,
 ) -> Result<StaticReport, SolverError> {
     options.check()?;
     if options.arc_steps.is_some() {
@@ -69,18 +72,9 @@ pub(super) fn search(
     search.constraints = constraints;
     search.balance.begin(state, rubbed)?;
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
-    if !found.q.is_empty() {
-        match options.arc_steps {
-            Some(steps) => follow::follow(&mut search, &mut found, steps)?,
-            None => match is_stable {
-                Some(is_stable) if search.persists(&found) => search.keep(&mut found, is_stable)?,
-                _ => search.step_loads(&mut found)?,
-            },
-        }
-    } else {
-        found.t = options.end;
-        search.report.steps.push(LoadStep { load_factor: options.end, iterations: 0, is_stable: true });
-    }
+    let outcome = search.find(&mut found, is_stable);
+    *work += search.balance.work;
+    outcome?;
     search.report.work = search.balance.work;
     search.report.energy = search.balance.work_done();
     search.report.linear = search.balance.linear_solver().map(|(linear, reason)| (linear, reason.to_owned()));
@@ -92,6 +86,20 @@ pub(super) fn search(
 }
 
 impl Search<'_> {
+    /// Brings a state to the end of the load factor.
+    fn find(&mut self, state: &mut State, is_stable: Option<bool>) -> Result<(), SolverError> {
+        if state.q.is_empty() {
+            state.t = self.options.end;
+            self.report.steps.push(LoadStep { load_factor: state.t, iterations: 0, is_stable: true });
+            return Ok(());
+        }
+        match (self.options.arc_steps, is_stable) {
+            (Some(steps), _) => follow::follow(self, state, steps),
+            (None, Some(is_stable)) if self.persists(state) => self.keep(state, is_stable),
+            (None, _) => self.step_loads(state),
+        }
+    }
+
     /// Steps the load factor to its end.
     fn step_loads(&mut self, state: &mut State) -> Result<(), SolverError> {
         let end = self.options.end;

@@ -91,8 +91,9 @@ impl Stepper for QuasiStatic {
         let before = state.clone();
         let mut rubbed = Rubbed { work: 0.0, ..self.friction.clone() };
         let is_stable = self.last.as_ref().filter(|(q, _)| *q == state.q).map(|&(_, is_stable)| is_stable);
-        let report = search(system, state, is_stable, &options, &mut |_, _| true, &mut rubbed)
-            .map_err(|cause| StepError { t: before.t, h, cause })?;
+        let report =
+            search(system, state, is_stable, &options, &mut |_, _| true, &mut rubbed, &mut self.work)
+                .map_err(|cause| StepError { t: before.t, h, cause })?;
         self.findings.extend(findings(&report));
         if self.linear.is_none() {
             self.linear.clone_from(&report.linear);
@@ -106,7 +107,7 @@ impl Stepper for QuasiStatic {
         let energy = with_error(energy, stored, self.ledger.as_mut(), system, [&before, state]);
         let mut work = report.work;
         work.steps = 1;
-        self.work += work;
+        self.work.steps += 1;
         Ok(StepReport { iterations: work.newton_iterations as u32, energy, work })
     }
 

@@ -1,7 +1,7 @@
 //! Newton's method for the equations of an implicit step, with the cheapest factor that converges. It escalates in
-//! this order: the rotated old factor; accurate linear solutions, where they were not; a factor at the iterate; descent by full Newton steps, with projected Hessians
-//! if needed (`descent`); an error with the facts. The caller may then halve the step; this file does not, because
-//! that changes h.
+//! this order: the rotated old factor; accurate solutions of linear equations that were solved approximately; a factor at
+//! the iterate; descent by full Newton steps, with projected Hessians if needed (`descent`); an error with the facts. The
+//! caller may then halve the step; this file does not, because that changes h.
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;

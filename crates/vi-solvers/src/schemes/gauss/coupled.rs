@@ -38,8 +38,12 @@ impl CoupledStages<'_> {
         let first = self.sweep(r.to_vec())?;
         let length = r.len();
         let energy = |a: &[f64], b: &[f64]| vectors::dot(&a[..length], &b[length..]);
+        let size = energy(&first, &first);
+        if size.is_nan() || size <= 0.0 {
+            return Ok(first);
+        }
         // Take roots of energies in a unit that is a power of two, so that the solution does not depend on units.
-        let per_unit = vectors::per_unit(energy(&first, &first));
+        let per_unit = vectors::per_unit(size);
         let energy = |a: &[f64], b: &[f64]| per_unit * energy(a, b);
         Ok(gmres::solve(|v| self.product(v), energy, &first, FORCING, MOST_SWEEPS)?.0)
     }
