@@ -136,7 +136,9 @@ impl Newton {
             let gone = if diverges { None } else { self.accept(solve, eta, decrement, longest).ok() };
             let Some(fraction) = gone else {
                 // Start again, with a factor at the new place if nothing else helps.
-                self.escalate(solve, &mut attempt);
+                if !self.solves_accurately(solve, &mut attempt) {
+                    attempt.escalate(Reason::Slow);
+                }
                 self.begin(solve, attempt.safer_start())?;
                 self.anderson.restart();
                 continue;
@@ -255,11 +257,8 @@ impl Newton {
     ) {
         if solve.inverse.is_linear() {
             // A new factor would be the same.
-            if attempt.mean_contraction().is_some_and(|theta| theta > 1.0)
-                && solve.equations.solve_accurately(true)
-            {
-                attempt.restart();
-                self.anderson.restart();
+            if attempt.mean_contraction().is_some_and(|theta| theta > 1.0) {
+                self.solves_accurately(solve, attempt);
             }
             return;
         }
@@ -271,7 +270,8 @@ impl Newton {
             return;
         }
         let Some(theta) = attempt.mean_contraction() else { return };
-        if theta <= solve.equations.least_contraction() {
+        let least = solve.equations.least_contraction();
+        if theta <= least {
             return;
         }
         if solve.equations.model_is_partial() && attempt.is_renewed && theta < STEADY {
@@ -283,19 +283,27 @@ impl Newton {
         } else {
             f64::INFINITY
         };
-        if self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining) {
-            self.escalate(solve, attempt);
+        if !self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining)
+            || self.solves_accurately(solve, attempt)
+        {
+            return;
         }
+        let is_near = attempt.is_renewed && attempt.first_eta <= DOUBT_ABOVE;
+        if least > 0.0 && is_near && theta < 1.0 {
+            // For stages with one K, a factor made near the solution is as good as any.
+            return;
+        }
+        attempt.escalate(Reason::Slow);
     }
 
-    /// Solves linear equations accurately if they were not; otherwise asks for a new factor.
-    fn escalate<E: Equations>(&mut self, solve: &mut Solve<'_, E>, attempt: &mut Attempt) {
-        if solve.equations.solve_accurately(true) {
+    /// Solves linear equations accurately from now on; returns false if they already were.
+    fn solves_accurately<E: Equations>(&mut self, solve: &mut Solve<'_, E>, attempt: &mut Attempt) -> bool {
+        let changes = solve.equations.solve_accurately(true);
+        if changes {
             attempt.restart();
             self.anderson.restart();
-        } else {
-            attempt.escalate(Reason::Slow);
         }
+        changes
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {

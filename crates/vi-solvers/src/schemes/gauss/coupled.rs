@@ -17,7 +17,7 @@ use crate::vectors;
 
 /// Relative error of an accurate solution. With .1, bars and blocks whose steps are long compared to their fast periods take
 /// 1.1 to 1.9 times as many factors and up to half as many iterations more; with .01, up to a tenth more solves.
-const FORCING: f64 = 0.03;
+pub(super) const FORCING: f64 = 0.03;
 /// Largest number of sweeps after the first one. Five stages take about 20.
 const MOST_SWEEPS: usize = 40;
 

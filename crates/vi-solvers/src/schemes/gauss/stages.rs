@@ -9,7 +9,7 @@ use crate::newton::equations::Equations;
 use crate::newton::inverse::Inverse;
 use crate::newton::start::Start;
 use crate::schemes::gauss::collocation::{Collocation, combine};
-use crate::schemes::gauss::coupled::CoupledStages;
+use crate::schemes::gauss::coupled::{CoupledStages, FORCING};
 use crate::vectors;
 
 /// The unknowns and buffers of the stages; stage vectors are stored one after another.
@@ -159,7 +159,7 @@ impl Equations for GaussEquations<'_> {
 
     fn least_contraction(&self) -> f64 {
         match self.stages.is_accurate {
-            true => 0.0,
+            true => FORCING,
             false => self.stages.coefficients.rate,
         }
     }
