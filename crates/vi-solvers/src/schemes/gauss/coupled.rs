@@ -45,7 +45,11 @@ impl CoupledStages<'_> {
         // Take roots of energies in a unit that is a power of two, so that the solution does not depend on units.
         let per_unit = vectors::per_unit(size);
         let energy = |a: &[f64], b: &[f64]| per_unit * energy(a, b);
-        Ok(gmres::solve(|v| self.product(v), energy, &first, FORCING, MOST_SWEEPS)?.0)
+        let (mut delta, _) = gmres::solve(|v| self.product(v), energy, &first, FORCING, MOST_SWEEPS)?;
+        // A last sweep solves for the motions without forces exactly, so that every iterate keeps the linear momentum.
+        let image = self.product(&delta)?;
+        vectors::update(&mut delta, |k, value| *value += first[k] - image[k]);
+        Ok(delta)
     }
 
     /// Returns v + (M + h² L K)⁻¹ W (A − M) v.
