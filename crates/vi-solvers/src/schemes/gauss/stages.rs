@@ -165,6 +165,8 @@ impl Equations for GaussEquations<'_> {
     }
 
     fn solve_accurately(&mut self, accurately: bool) -> bool {
+        // The splitting of two stages converges fast, and its sweeps keep the linear momentum better.
+        let accurately = accurately && self.stages.coefficients.stages() > 2;
         accurately != std::mem::replace(&mut self.stages.is_accurate, accurately)
     }
 
