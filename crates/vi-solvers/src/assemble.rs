@@ -2,6 +2,7 @@
 //! matrix. Also holds the evaluator that steppers call. All sums give the same bits on any number of threads.
 
 pub(crate) mod assembler;
+pub(crate) mod carried;
 pub(crate) mod compliance;
 pub(crate) mod energy;
 pub(crate) mod evaluator;
@@ -13,6 +14,7 @@ pub(crate) mod free_path;
 pub(crate) mod gather;
 pub(crate) mod hessian;
 pub(crate) mod inertia;
+pub(crate) mod invariance;
 pub(crate) mod links;
 pub(crate) mod live;
 pub(crate) mod pairs;

@@ -10,7 +10,6 @@ mod energy_momentum;
 pub(crate) mod filter;
 mod gauss;
 pub(crate) mod held;
-mod invariance;
 pub(crate) mod kick_drift;
 pub(crate) mod lanczos;
 mod live_impulses;

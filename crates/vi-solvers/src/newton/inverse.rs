@@ -16,6 +16,7 @@ use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::linear::model::Model;
 use crate::memory::StepperMemory;
+use crate::newton::free_translations::FreeTranslations;
 use crate::newton::rotated_factor::RotatedFactor;
 use crate::options::SolverOptions;
 use crate::vectors;
@@ -66,6 +67,7 @@ pub(crate) struct Inverse {
     summed: Option<Summed>,
     origin: Option<Origin>,
     rotated: Option<RotatedFactor>,
+    free_translations: Option<FreeTranslations>,
     /// The tangents of discrete gradients in the factor, and their factors in K.
     tangents: Vec<(f64, SymmetricMatrix)>,
     /// Whether the factor belongs to simplified equations.
@@ -81,11 +83,13 @@ impl Inverse {
             && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
         let rotated = if is_linear { None } else { RotatedFactor::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
+        let free_translations = if summed.is_some() { None } else { FreeTranslations::new(system) };
         Self {
             linear: ChosenSolver::new(options, is_linear),
             summed,
             origin: None,
             rotated,
+            free_translations,
             tangents: Vec::new(),
             is_simplified: false,
             is_linear,
@@ -268,17 +272,21 @@ impl Inverse {
 
     /// Computes v ← A⁻¹v.
     pub(crate) fn apply(&mut self, evaluator: &mut Evaluator, v: &mut [f64]) -> Result<(), SolverError> {
-        let Self { linear, rotated, .. } = self;
+        let Self { linear, rotated, free_translations, .. } = self;
         evaluator.work.solves += 1;
+        let resultants = free_translations.as_ref().map(|free| free.resultants(v));
         match rotated {
             Some(rotated) => {
                 rotated.to_origin(v);
                 linear.apply(v, &mut evaluator.work)?;
                 rotated.to_now(v);
-                Ok(())
             }
-            None => linear.apply(v, &mut evaluator.work),
+            None => linear.apply(v, &mut evaluator.work)?,
         }
+        if let (Some(free), Some(resultants)) = (free_translations, resultants) {
+            free.correct(resultants, v);
+        }
+        Ok(())
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {

@@ -1,17 +1,15 @@
 //! Frequencies of a motion, which adaptive steps follow. They depend on the state alone, do not change if its velocity is reversed,
 //! and are the same for observers who move past each other: a body that flies vibrates as it does at rest.
 
-mod carried;
-
 use nalgebra::{Matrix3, Vector3};
 use vi_core::{State, System};
 
+use crate::assemble::carried::Carried;
 use crate::error::SolverError;
 use crate::schemes::damping_rate::DampingOperator;
 use crate::schemes::lanczos::normalize;
 use crate::schemes::stability::{Differences, Operator, highest};
 use crate::vectors;
-use carried::Carried;
 
 /// Relative error of λ_max for steps that keep a distance from their limit.
 const ROUGH: f64 = 0.1;

@@ -3,8 +3,8 @@
 
 use vi_core::{DisjointSets, HessianKind, Potential, System};
 
+use crate::assemble::invariance;
 use crate::index::{NONE, free_of};
-use crate::schemes::invariance;
 
 /// The parts of a body that are connected by stencils of terms that are not affine.
 pub(super) struct Parts {

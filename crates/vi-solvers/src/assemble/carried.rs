@@ -6,9 +6,9 @@
 //! and joints with the ground resist a translation; such a part is not carried.
 
 use vi_core::constraints::QuadraticConstraint;
-use vi_core::{DisjointSets, HessianKind, Potential, System};
+use vi_core::{Coordinates, DisjointSets, HessianKind, Potential, System};
 
-use crate::schemes::invariance;
+use crate::assemble::invariance;
 
 /// The kind of support of a part along an axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,14 +24,14 @@ enum Hold {
 const BATCH: usize = 4096;
 
 /// The parts of a system, and what holds them.
-pub(super) struct Carried {
+pub(crate) struct Carried {
     /// The part of each node; empty if nodes do not have three coordinates.
     part: Vec<u32>,
     holds: Vec<[Hold; 3]>,
 }
 
 impl Carried {
-    pub(super) fn new(system: &System) -> Self {
+    pub(crate) fn new(system: &System) -> Self {
         let coordinates = system.coordinates();
         let count = coordinates.dof_count();
         let terms = || system.potentials().iter().filter(|term| term.traits().hessian != HessianKind::Zero);
@@ -75,23 +75,34 @@ impl Carried {
     }
 
     /// Returns the number of parts.
-    pub(super) fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         self.holds.len()
     }
 
     /// Returns the number of nodes that belong to parts.
-    pub(super) fn node_count(&self) -> usize {
+    pub(crate) fn node_count(&self) -> usize {
         self.part.len()
     }
 
     /// Returns the part of a node.
-    pub(super) fn part(&self, node: usize) -> usize {
+    pub(crate) fn part(&self, node: usize) -> usize {
         self.part[node] as usize
+    }
+
+    /// Returns the part and the axis of the translation that moves a coordinate, if nothing holds that part along the axis.
+    pub(crate) fn free_translation(&self, coordinates: &Coordinates, dof: u32) -> Option<(usize, usize)> {
+        let (node, axis) = (dof / 3, dof as usize % 3);
+        // A director does not change under translations.
+        if self.part.is_empty() || coordinates.is_director(node) {
+            return None;
+        }
+        let part = self.part(node as usize);
+        (self.holds[part][axis] == Hold::Nothing).then_some((part, axis))
     }
 
     /// Subtracts the velocities of the parts from the velocities q̇ (m/s) of the free coordinates at time t (s). Returns false if no
     /// part is carried.
-    pub(super) fn subtract(&self, system: &System, t: f64, q_dot: &mut [f64]) -> bool {
+    pub(crate) fn subtract(&self, system: &System, t: f64, q_dot: &mut [f64]) -> bool {
         let coordinates = system.coordinates();
         let place = |dof: u32| {
             let (node, axis) = (dof / 3, dof as usize % 3);

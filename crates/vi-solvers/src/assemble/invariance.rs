@@ -11,12 +11,12 @@ use vi_core::{Potential, Stencils};
 const ROUND_OFF: f64 = 1e-9;
 
 /// Returns coordinates without symmetry, m.
-pub(super) fn scattered(count: usize) -> Vec<f64> {
+pub(crate) fn scattered(count: usize) -> Vec<f64> {
     (0..count).map(|k| (1.7 * k as f64 + 0.3).sin() + 0.01 * k as f64).collect()
 }
 
 /// Returns whether the forces of a term change if all its nodes are displaced equally. Terms of single nodes that are not affine do.
-pub(super) fn resists_translation(term: &dyn Potential) -> bool {
+pub(crate) fn resists_translation(term: &dyn Potential) -> bool {
     let stencils = term.stencils();
     if stencils.arity < 2 || stencils.count() == 0 {
         return stencils.count() > 0;
@@ -35,7 +35,7 @@ pub(super) fn resists_translation(term: &dyn Potential) -> bool {
 }
 
 /// Returns whether all stencils of a term depend on shape alone: no net force and no net moment.
-pub(super) fn is_internal(term: &dyn Potential) -> bool {
+pub(crate) fn is_internal(term: &dyn Potential) -> bool {
     let stencils = term.stencils();
     if stencils.block != 3 || stencils.arity < 2 || stencils.count() == 0 {
         return false;
