@@ -319,6 +319,17 @@ interval = 0.05
 interval = 0.03
 "#;
 
+/// The factor of a linear body serves all load steps. A run that continues makes it again, and counts the same work.
+#[test]
+fn equilibria_of_a_linear_body_continue_to_the_same_bits() {
+    let scene = SCENE.replace("scheme = \"SCHEME\"", "[static]").replace("neo-hookean", "linear");
+    let scene = scene.replace("end = 0.6\nstep = 1e-4", "end = 0.06\nstep = 1e-3");
+    let load = "[[load]]\nkind = \"traction\"\nbody = \"block\"\nregion = \"x-max\"\ntraction = [0.0, 0.0, 1e3]\namplitude = \"t\"\n";
+    let parsed = Scene::parse(&(scene.replace("interval = 0.03", "interval = 0.01") + load), &[]);
+    assert!(parsed.problems.is_empty(), "{:?}", parsed.problems);
+    continues(parsed.scene.unwrap(), "equilibria of a linear body");
+}
+
 struct Kept {
     directory: tempfile::TempDir,
 }

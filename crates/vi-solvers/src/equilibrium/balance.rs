@@ -1,13 +1,13 @@
 //! The equilibrium of a body at a load factor: residual, energy, tangent, and solves with it.
 
-use vi_core::{State, StepEnergy, System};
+use vi_core::{HessianKind, State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::circulation::circulatory;
 use crate::equilibrium::friction::{Friction, Rubbed};
-use crate::equilibrium::tangent_solver::{Demand, TangentSolver};
+use crate::equilibrium::tangent_solver::{ConstantTangent, Demand, TangentSolver};
 use crate::equilibrium::work_done::WorkDone;
 use crate::error::{NotPositiveDefinite, SolverError};
 use crate::interrupt::Interrupt;
@@ -29,6 +29,12 @@ pub(crate) struct Balance<'a> {
     sum: Option<MatrixSum>,
     linear: LinearSolver,
     solver: Option<TangentSolver>,
+    /// Whether K is the same everywhere, apart from friction.
+    is_linear: bool,
+    /// Whether `solver` is a factor of that K.
+    has_constant: bool,
+    /// Whether a run that this one continues has made that factor. Then it is not counted again.
+    was_made: bool,
     x: Vec<f64>,
     t: f64,
     still: Vec<f64>,
@@ -58,6 +64,11 @@ impl<'a> Balance<'a> {
             sum: None,
             linear,
             solver: None,
+            is_linear: system.forces().is_empty()
+                && system.terms().live().is_empty()
+                && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying),
+            has_constant: false,
+            was_made: false,
             x: vec![0.0; count],
             t: 0.0,
             still: vec![0.0; count],
@@ -83,6 +94,21 @@ impl<'a> Balance<'a> {
         self.friction = Friction::new(self.system, &self.assembler, &self.x, rubbed)?;
         self.begin_work(from);
         Ok(())
+    }
+
+    /// Takes over the factor that an earlier search made of the same K; or, if `was_made`, makes it without counting it.
+    pub(super) fn take_over(&mut self, tangent: Option<ConstantTangent>, was_made: bool) {
+        self.was_made = was_made && tangent.is_none();
+        if let Some(ConstantTangent { solver, diagonal }) = tangent {
+            (self.solver, self.diagonal, self.has_constant) = (Some(solver), diagonal, true);
+        }
+    }
+
+    /// Returns the factor for later searches, if K is the same everywhere.
+    pub(super) fn hand_over(&mut self) -> Option<ConstantTangent> {
+        let solver = self.solver.take_if(|_| self.has_constant)?;
+        self.has_constant = false;
+        Some(ConstantTangent { solver, diagonal: std::mem::take(&mut self.diagonal) })
     }
 
     /// Begins to sum work at the equilibrium `from`.
@@ -284,6 +310,12 @@ impl<'a> Balance<'a> {
     ) -> Result<Result<(), NotPositiveDefinite>, SolverError> {
         self.interrupt.check()?;
         self.go_to(q, t);
+        if self.has_constant && shift == 0.0 {
+            self.unshifted = None;
+            return Ok(Ok(()));
+        }
+        let is_constant = self.is_linear && self.friction.is_none() && shift == 0.0;
+        let counted = self.work;
         self.count_tangent(kind);
         let Self {
             system, assembler, forces, friction, sum, solver, linear, x, still, work, interrupt, ..
@@ -303,7 +335,11 @@ impl<'a> Balance<'a> {
         for (out, mass) in self.shifted_mass.iter_mut().zip(mass) {
             *out = shift * mass;
         }
-        let demand = if friction.is_some() { Demand::WITH_FRICTION } else { Demand::CORRECTION };
+        let demand = match friction {
+            Some(_) => Demand::WITH_FRICTION,
+            None if is_constant => Demand::CONSTANT,
+            None => Demand::CORRECTION,
+        };
         let k = tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)?;
         k.diagonal(&mut self.diagonal);
         let made = match solver {
@@ -317,6 +353,10 @@ impl<'a> Balance<'a> {
         self.unshifted = (shift != 0.0).then(|| k.clone());
         work.factorizations += 1;
         work.factorizations_newton += 1;
+        self.has_constant = is_constant && result.is_ok() && made.factor().is_some();
+        if std::mem::take(&mut self.was_made) && self.has_constant {
+            self.work = counted;
+        }
         Ok(result)
     }
 

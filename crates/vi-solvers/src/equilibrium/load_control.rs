@@ -14,6 +14,7 @@ use crate::equilibrium::options::{LoadStep, StaticOptions, StaticReport};
 use crate::equilibrium::path::follow;
 use crate::equilibrium::rubbing;
 use crate::equilibrium::search::Search;
+use crate::equilibrium::tangent_solver::ConstantTangent;
 use crate::error::SolverError;
 use crate::vectors;
 use crate::work::Work;
@@ -47,20 +48,37 @@ pub fn equilibrium_path(
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
 ) -> Result<StaticReport, SolverError> {
-    search(system, state, None, options, watch, &mut Rubbed::default(), &mut Work::default())
+    let earlier = Earlier {
+        is_stable: None,
+        rubbed: &mut Rubbed::default(),
+        work: &mut Work::default(),
+        tangent: &mut None,
+        was_made: false,
+    };
+    search(system, state, options, watch, earlier)
 }
 
-/// Does the same as [`equilibrium_path`], after earlier equilibria that left friction in the state `rubbed`. If `state` is the
-/// last of them, `is_stable` tells whether it is stable; otherwise it is `None`. Adds the work done to `work`, whether the
-/// search succeeds or fails.
+/// What searches for earlier equilibria left.
+pub(super) struct Earlier<'a> {
+    /// Whether the state is the last equilibrium that was found, and stable.
+    pub(super) is_stable: Option<bool>,
+    /// The state of friction.
+    pub(super) rubbed: &'a mut Rubbed,
+    /// The work of all searches, whether they succeeded or failed.
+    pub(super) work: &'a mut Work,
+    /// The factor of a K that is the same everywhere.
+    pub(super) tangent: &'a mut Option<ConstantTangent>,
+    /// Whether a run that this one continues has made that factor.
+    pub(super) was_made: bool,
+}
+
+/// Does the same as [`equilibrium_path`], after earlier equilibria.
 pub(super) fn search(
     system: &System,
     state: &mut State,
-    is_stable: Option<bool>,
     options: &StaticOptions,
     watch: &mut dyn FnMut(&State, &LoadStep) -> bool,
-    rubbed: &mut Rubbed,
-    work: &mut Work,
+    Earlier { is_stable, rubbed, work, tangent, was_made }: Earlier<'_>,
 ) -> Result<StaticReport, SolverError> {
     options.check()?;
     if options.arc_steps.is_some() {
@@ -71,13 +89,15 @@ pub(super) fn search(
     let mut search = Search::new(held.as_ref().unwrap_or(system), options, watch);
     search.constraints = constraints;
     search.balance.begin(state, rubbed)?;
+    search.balance.take_over(tangent.take(), was_made);
     let mut found = State { t: state.t, q: state.q.clone(), p: vec![0.0; state.p.len()] };
     let outcome = search.find(&mut found, is_stable);
     *work += search.balance.work;
+    search.report.linear = search.balance.linear_solver().map(|(linear, reason)| (linear, reason.to_owned()));
+    *tangent = search.balance.hand_over();
     outcome?;
     search.report.work = search.balance.work;
     search.report.energy = search.balance.work_done();
-    search.report.linear = search.balance.linear_solver().map(|(linear, reason)| (linear, reason.to_owned()));
     if let Some(friction) = &search.balance.friction {
         *rubbed = friction.rubbed.clone();
     }

@@ -6,8 +6,9 @@ use crate::assemble::assembler::Assembler;
 use crate::assemble::live::LiveState;
 use crate::assemble::stencil_forces::SeeForces;
 use crate::equilibrium::friction::Rubbed;
-use crate::equilibrium::load_control::search;
+use crate::equilibrium::load_control::{Earlier, search};
 use crate::equilibrium::options::{CriticalKind, CriticalPoint, StaticOptions, StaticReport};
+use crate::equilibrium::tangent_solver::ConstantTangent;
 use crate::error::SolverError;
 use crate::linear::choice::REASON;
 use crate::memory::{StepperMemory, expect_method};
@@ -27,6 +28,8 @@ const PCG: &str = "static.pcg";
 /// Names of the last equilibrium in the memory.
 const EQUILIBRIUM: &str = "static.equilibrium";
 const STABLE: &str = "static.stable";
+/// Name of the number of factors of a constant K in the memory, 0 or 1.
+const TANGENT: &str = "static.tangent";
 
 struct QuasiStatic {
     options: StaticOptions,
@@ -38,6 +41,10 @@ struct QuasiStatic {
     friction: Rubbed,
     /// The last equilibrium, and whether it is stable.
     last: Option<(Vec<f64>, bool)>,
+    /// The factor of a K that is the same everywhere.
+    tangent: Option<ConstantTangent>,
+    /// Whether there is that factor, or was one when the run was interrupted. Then to make it again is not counted.
+    was_made: bool,
     /// Duration of the last step.
     h: f64,
 }
@@ -75,6 +82,8 @@ pub fn quasi_static(system: &System, options: StaticOptions, ledger: bool) -> Bo
         linear: None,
         friction: Rubbed::default(),
         last: None,
+        tangent: None,
+        was_made: false,
         h: 0.0,
     })
 }
@@ -91,9 +100,16 @@ impl Stepper for QuasiStatic {
         let before = state.clone();
         let mut rubbed = Rubbed { work: 0.0, ..self.friction.clone() };
         let is_stable = self.last.as_ref().filter(|(q, _)| *q == state.q).map(|&(_, is_stable)| is_stable);
-        let report =
-            search(system, state, is_stable, &options, &mut |_, _| true, &mut rubbed, &mut self.work)
-                .map_err(|cause| StepError { t: before.t, h, cause })?;
+        let earlier = Earlier {
+            is_stable,
+            rubbed: &mut rubbed,
+            work: &mut self.work,
+            tangent: &mut self.tangent,
+            was_made: self.was_made,
+        };
+        let report = search(system, state, &options, &mut |_, _| true, earlier)
+            .map_err(|cause| StepError { t: before.t, h, cause })?;
+        self.was_made = self.tangent.is_some() || (self.was_made && report.work.factorizations == 0);
         self.findings.extend(findings(&report));
         if self.linear.is_none() {
             self.linear.clone_from(&report.linear);
@@ -155,6 +171,7 @@ impl Stepper for QuasiStatic {
             LinearSolver::Pcg => 1,
             _ => 0,
         });
+        memory.counts.push((TANGENT.to_owned(), u64::from(self.was_made)));
         memory.counts.extend(chosen.map(|code| (PCG.to_owned(), code)));
         memory.texts.extend(self.linear.iter().map(|(_, reason)| (REASON.to_owned(), reason.clone())));
         memory
@@ -176,6 +193,8 @@ impl Stepper for QuasiStatic {
         let state = LiveState::restore(FRICTION, memory, count).unwrap_or_default();
         let stored = memory.array(STORED)?.first().copied().unwrap_or(0.0);
         self.friction = Rubbed { memory: state, stored, ..Rubbed::default() };
+        self.tangent = None;
+        self.was_made = memory.count(TANGENT).is_ok_and(|count| count == 1);
         self.last = match (memory.array(EQUILIBRIUM), memory.count(STABLE)) {
             (Ok(q), Ok(is_stable)) => Some((q.to_vec(), is_stable == 1)),
             _ => None,

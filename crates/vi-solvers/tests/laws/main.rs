@@ -15,6 +15,7 @@ mod filtered;
 mod forces;
 mod implicit;
 mod interrupt;
+mod linear_statics;
 mod live;
 mod modes;
 mod motion;
