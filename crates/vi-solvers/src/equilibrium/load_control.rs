@@ -60,7 +60,7 @@ pub fn equilibrium_path(
 
 /// What searches for earlier equilibria left.
 pub(super) struct Earlier<'a> {
-    /// Whether the state is the last equilibrium that was found, and stable.
+    /// Whether the last equilibrium is stable; `None` if the state is not that equilibrium.
     pub(super) is_stable: Option<bool>,
     /// The state of friction.
     pub(super) rubbed: &'a mut Rubbed,
