@@ -289,6 +289,14 @@ impl Inverse {
         Ok(())
     }
 
+    /// Writes the translations of free bodies in the solution of A Δ = r to `delta`, and zero elsewhere. Returns false if no body is free.
+    pub(crate) fn translate(&self, r: &[f64], delta: &mut [f64]) -> bool {
+        delta.fill(0.0);
+        let Some(free) = &self.free_translations else { return false };
+        free.correct(free.resultants(r), delta);
+        true
+    }
+
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
         if let Some(origin) = &self.origin {
             memory.arrays.push(("factor.x".into(), origin.x.clone()));

@@ -64,6 +64,9 @@ impl Newton {
         solve.linearize()?;
         solve.factorize_as(Reason::Newton, HessianEvaluation::Projected)?;
         solve.evaluate()?;
+        if solve.equations.has_merit() {
+            translate(solve)?;
+        }
         let solved = self.corrections(solve, most)?;
         solve.equations.restrain(solve.system, solve.evaluator)?;
         Ok(solved)
@@ -99,4 +102,17 @@ impl Newton {
         solve.evaluator.work.stopped_short += u64::from(eta > SHORT);
         Ok(Solved { iterations: most })
     }
+}
+
+/// Moves free bodies to where their momentum takes them. Corrections of which only a part is made would leave a part of that momentum out
+/// if the solve stops short.
+fn translate<E: Equations>(solve: &mut Solve<'_, E>) -> Result<(), SolverError> {
+    let unknowns = solve.equations.unknowns().to_vec();
+    let residual = solve.equations.correction().1.to_vec();
+    if solve.inverse.translate(&residual, solve.equations.correction().0) {
+        solve.equations.go_to(&unknowns);
+        solve.equations.advance(1.0);
+        solve.evaluate()?;
+    }
+    Ok(())
 }
