@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use vi_core::{HessianKind, Terms, packed_len};
+use vi_core::{HessianKind, System, Terms, packed_len};
 
 use crate::assemble::spans::{Mobility, Span, mobilities, mobility_of, spans};
 use crate::assemble::tied::TiedHessian;
@@ -20,6 +20,13 @@ use crate::scratch::with_scratch;
 use pattern::{ChunkPattern, key};
 
 pub(crate) use pattern::rows;
+
+/// Returns whether the tangent of all terms and forces is the same everywhere.
+pub(crate) fn is_constant(system: &System) -> bool {
+    system.forces().is_empty()
+        && system.terms().live().is_empty()
+        && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying)
+}
 
 /// The Hessian to assemble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

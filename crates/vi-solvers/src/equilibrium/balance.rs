@@ -1,10 +1,10 @@
 //! The equilibrium of a body at a load factor: residual, energy, tangent, and solves with it.
 
-use vi_core::{HessianKind, State, StepEnergy, System};
+use vi_core::{State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
-use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::hessian::{HessianEvaluation, is_constant};
 use crate::equilibrium::circulation::circulatory;
 use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::{ConstantTangent, Demand, TangentSolver};
@@ -64,9 +64,7 @@ impl<'a> Balance<'a> {
             sum: None,
             linear,
             solver: None,
-            is_linear: system.forces().is_empty()
-                && system.terms().live().is_empty()
-                && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying),
+            is_linear: is_constant(system),
             has_constant: false,
             was_made: false,
             x: vec![0.0; count],
@@ -314,7 +312,7 @@ impl<'a> Balance<'a> {
             self.unshifted = None;
             return Ok(Ok(()));
         }
-        let is_constant = self.is_linear && self.friction.is_none() && shift == 0.0;
+        let lasts = self.is_linear && self.friction.is_none() && shift == 0.0;
         let counted = self.work;
         self.count_tangent(kind);
         let Self {
@@ -337,7 +335,7 @@ impl<'a> Balance<'a> {
         }
         let demand = match friction {
             Some(_) => Demand::WITH_FRICTION,
-            None if is_constant => Demand::CONSTANT,
+            None if lasts => Demand::CONSTANT,
             None => Demand::CORRECTION,
         };
         let k = tangent(system, assembler, (forces, friction, sum), (x, still, t), kind)?;
@@ -353,7 +351,7 @@ impl<'a> Balance<'a> {
         self.unshifted = (shift != 0.0).then(|| k.clone());
         work.factorizations += 1;
         work.factorizations_newton += 1;
-        self.has_constant = is_constant && result.is_ok() && made.factor().is_some();
+        self.has_constant = lasts && result.is_ok() && made.factor().is_some();
         if std::mem::take(&mut self.was_made) && self.has_constant {
             self.work = counted;
         }

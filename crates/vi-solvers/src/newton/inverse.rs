@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use vi_core::{HessianKind, System};
+use vi_core::System;
 
 use crate::assemble::evaluator::Evaluator;
-use crate::assemble::hessian::HessianEvaluation;
+use crate::assemble::hessian::{HessianEvaluation, is_constant};
 use crate::assemble::inertia::Inertia;
 use crate::assemble::live::LiveState;
 use crate::error::SolverError;
@@ -78,9 +78,7 @@ pub(crate) struct Inverse {
 
 impl Inverse {
     pub(crate) fn new(system: &System, inertia: &Inertia, options: &SolverOptions) -> Self {
-        let is_linear = system.forces().is_empty()
-            && system.terms().live().is_empty()
-            && system.potentials().iter().all(|term| term.traits().hessian != HessianKind::Varying);
+        let is_linear = is_constant(system);
         let rotated = if is_linear { None } else { RotatedFactor::new(system) };
         let summed = inertia.matrix().map(|mass| Summed { mass: Arc::clone(mass), sum: None });
         let free_translations = if summed.is_some() { None } else { FreeTranslations::new(system) };
