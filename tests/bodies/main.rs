@@ -19,6 +19,7 @@ mod contact_scenes;
 mod contact_starts;
 mod contact_statics;
 mod contact_units;
+mod drape;
 mod equilibria;
 mod filtered_mass;
 mod mechanisms;

@@ -139,6 +139,13 @@ pub enum SolverError {
         /// The required tolerance.
         tolerance: f64,
     },
+    /// Bodies that nothing holds move away instead of coming to an equilibrium.
+    #[error("nothing stops the bodies: they move {}; hold them, or let them rest on something", distance(*extents))]
+    MovesAway {
+        /// The distance that they moved, as a multiple of their extent; infinite if their loads do not balance along an axis along
+        /// which nothing holds them.
+        extents: f64,
+    },
     /// The solve of a step would cost more than its [`Budget`](crate::Budget).
     #[error("the step was given up after {iterations} iterations, because shorter steps cost less")]
     Budget {
@@ -495,5 +502,13 @@ fn explain_lowest(lowest: &Option<f64>) -> String {
              zero, this is a limit point, which an arc-length search can pass"
         ),
         None => String::new(),
+    }
+}
+
+/// Describes how far bodies move.
+fn distance(extents: f64) -> String {
+    match extents.is_finite() {
+        true => format!("{extents:.1} times their extent without coming to rest"),
+        false => "freely along an axis along which their loads do not balance".to_owned(),
     }
 }

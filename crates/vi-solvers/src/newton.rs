@@ -6,7 +6,7 @@ pub(crate) mod attempt;
 pub(crate) mod budget;
 mod descent;
 pub(crate) mod equations;
-mod free_translations;
+pub(crate) mod free_translations;
 pub(crate) mod inverse;
 mod krylov;
 mod lagging;

@@ -18,9 +18,6 @@ use crate::options::LinearSolver;
 use crate::vectors;
 use crate::work::Work;
 
-/// A body that moves farther than this multiple of its extent from one configuration to the next counts as unsupported.
-const FARTHEST: f64 = 1e3;
-
 /// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a solver for K + σM.
 pub(crate) struct Balance<'a> {
     pub(crate) system: &'a System,
@@ -30,7 +27,7 @@ pub(crate) struct Balance<'a> {
     linear: LinearSolver,
     solver: Option<TangentSolver>,
     /// Whether K is the same everywhere, apart from friction.
-    is_linear: bool,
+    pub(super) is_linear: bool,
     /// Whether `solver` is a factor of that K.
     has_constant: bool,
     /// Whether a run that this one continues has made that factor. Then it is not counted again.
@@ -161,7 +158,7 @@ impl<'a> Balance<'a> {
         circulatory(self.system).is_none()
     }
 
-    fn go_to(&mut self, q: &[f64], t: f64) {
+    pub(super) fn go_to(&mut self, q: &[f64], t: f64) {
         self.system.coordinates().embed(q, t, &mut self.x);
         self.t = t;
     }
@@ -245,18 +242,10 @@ impl<'a> Balance<'a> {
         self.assembler.energies(&self.x, t).total() - held
     }
 
-    /// Returns whether a coordinate differs between two configurations by so many extents of the first that no support
-    /// can stop the body.
-    pub(crate) fn moves_too_far(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
-        self.go_to(from, t);
-        let extent = self.extent();
-        extent > 0.0 && vectors::max_abs(to.len(), |k| to[k] - from[k]) > FARTHEST * extent
-    }
-
     /// Returns whether V at (`to`, t) is at most that at (`from`, t); true if forces have no potential. A prediction by an
     /// almost singular tangent goes much too far, and a solve from there has no scale of energy.
     pub(crate) fn lowers_energy(&mut self, from: &[f64], to: &[f64], t: f64) -> bool {
-        if self.moves_too_far(from, to, t) {
+        if self.check_distance(from, to, t).is_err() {
             return false;
         }
         if !self.is_conservative() {

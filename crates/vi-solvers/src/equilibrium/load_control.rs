@@ -153,7 +153,7 @@ impl Search<'_> {
                 result = self.solve_at(state, &mut q, t, &mut stop);
             }
             let tried = (t - state.t).abs();
-            let was_stable = self.report.steps.last().is_none_or(|step| step.is_stable);
+            let was_stable = self.report.steps.last().map_or(self.start_is_stable, |step| step.is_stable);
             let rate = self.distance(&q, &state.q) / tried;
             let lost_definiteness = result.as_ref().is_ok_and(|solved| !solved.stayed_definite);
             let has_leapt = last_rate > 0.0 && rate > SNAP_RATIO * last_rate;
@@ -237,7 +237,7 @@ impl Search<'_> {
                         || 0.5 * tried < self.options.smallest_increment)
                         && std::mem::take(&mut may_release)
                         && self.report.steps.is_empty()
-                        && self.release(state)? =>
+                        && (self.leave_mechanism(state, t)? || self.release(state)?) =>
                 {
                     q.copy_from_slice(&state.q);
                     has_velocity = false;

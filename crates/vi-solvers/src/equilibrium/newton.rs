@@ -4,6 +4,7 @@
 
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::headway::Headway;
 use crate::equilibrium::line_search::{Way, bend, line_search};
 use crate::equilibrium::lowest_mode::lowest;
 use crate::error::SolverError;
@@ -23,6 +24,12 @@ pub(super) const PREDICTION: f64 = 1e-3;
 /// 1982).
 const ROUGH: f64 = 1e-2;
 const ACCURATE: f64 = 1e-4;
+
+/// Number of corrections in which a solve must make headway once [`Stop::max_iterations`] are made.
+const PATIENCE: usize = 12;
+
+/// Largest number of iterations of a solve that makes headway.
+pub(super) const MOST_ITERATIONS: u32 = 500;
 
 /// The criteria for stopping a solve.
 #[derive(Debug, Clone, Copy)]
@@ -160,6 +167,28 @@ pub(crate) fn descend(
     iterate(balance, q, t, stop, Goal::Minimum)
 }
 
+/// Replaces a correction that is longer than the bodies by −(K + σM)⁻¹ r with the gentle shift. K is then nearly singular: a sheet without
+/// bending stiffness is not yet taut, or a body may turn about its support. A part of −K⁻¹r would move along these motions alone.
+///
+/// # Errors
+/// Returns [`SolverError::MovesAway`] if no length of such motions balances the loads.
+fn shorten(
+    balance: &mut Balance,
+    (q, t): (&[f64], f64),
+    is_definite: bool,
+    r: &[f64],
+    step: &mut [f64],
+) -> Result<(), SolverError> {
+    balance.check_supports(r)?;
+    let kind = if is_definite { HessianEvaluation::Exact } else { HessianEvaluation::Projected };
+    let shift = balance.gentle_shift(r);
+    if balance.factorize(q, t, kind, shift)?.is_ok() {
+        vectors::fill(step, |k| -r[k]);
+        balance.solve(step, ACCURATE)?;
+    }
+    Ok(())
+}
+
 fn iterate(
     balance: &mut Balance,
     q: &mut [f64],
@@ -174,7 +203,13 @@ fn iterate(
     let start = q.to_vec();
     let mut last = f64::INFINITY;
     let mut stayed_definite = true;
-    for iteration in 1..=stop.max_iterations {
+    let (mut headway, mut released) = (Headway::default(), 0.0);
+    for iteration in 1..=MOST_ITERATIONS.max(stop.max_iterations) {
+        if iteration > stop.max_iterations
+            && !(headway.is_mostly_definite(PATIENCE) && headway.continues(PATIENCE))
+        {
+            break;
+        }
         if r.iter().all(|&r| r == 0.0) {
             return Ok(Solved { iterations: iteration - 1, stayed_definite });
         }
@@ -185,8 +220,11 @@ fn iterate(
         }
         let accuracy = last.clamp(ACCURATE, ROUGH);
         is_definite &= correction(balance, goal, (q, t), &r, accuracy, &mut step)?;
-        stayed_definite &= is_definite;
         balance.work.newton_iterations += 1;
+        if balance.is_too_long(&step) {
+            shorten(balance, (q, t), is_definite, &r, &mut step)?;
+        }
+        stayed_definite &= is_definite;
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
         let longest = balance.largest_step(q, t, &step);
         let relative = stop.relative(decrement);
@@ -194,6 +232,7 @@ fn iterate(
         let may_end = longest == 1.0 && (is_definite || goal == Goal::Equilibrium);
         let is_done = may_end && (relative <= stop.tolerance || is_round_off);
         last = relative;
+        headway.add(relative, released, is_definite);
         if is_done || relative < WHOLE_STEPS_BELOW {
             for (q, step) in q.iter_mut().zip(&step) {
                 *q += longest * step;
@@ -212,9 +251,8 @@ fn iterate(
         };
         let path = Way { step: &step, bend: bend.as_deref(), longest };
         let length = line_search(balance, q, t, path, (&mut r, &mut trial), stalled)?;
-        if balance.moves_too_far(&start, q, t) {
-            return Err(SolverError::NoConvergence { iterations, residual: 1.0, tolerance });
-        }
+        released += 0.5 * length * decrement;
+        balance.check_distance(&start, q, t)?;
         if iteration == 1 {
             // If the tangent is almost singular, or nothing supports the body yet, the correction is far too long: only
             // the part of it that was made counts.
@@ -222,9 +260,5 @@ fn iterate(
             last = stop.relative(decrement);
         }
     }
-    Err(SolverError::NoConvergence {
-        iterations: stop.max_iterations,
-        residual: last,
-        tolerance: stop.tolerance,
-    })
+    Err(SolverError::NoConvergence { iterations: headway.count(), residual: last, tolerance: stop.tolerance })
 }

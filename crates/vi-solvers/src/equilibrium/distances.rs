@@ -1,0 +1,61 @@
+//! How far bodies move on the way to an equilibrium: corrections that are too long, and bodies that nothing stops.
+
+use crate::equilibrium::balance::Balance;
+use crate::error::SolverError;
+use crate::newton::free_translations::FreeTranslations;
+use crate::vectors;
+
+/// A body that moves farther than this multiple of its extent from one equilibrium to the next counts as unsupported.
+const FARTHEST: f64 = 30.0;
+
+/// The same of linear bodies, whose displacements under large loads are long.
+const FARTHEST_LINEAR: f64 = 1e3;
+
+/// Resultants below this fraction of the sum of absolute forces are round-off.
+const ROUND_OFF: f64 = 1e-6;
+
+impl Balance<'_> {
+    /// Checks that no coordinate differs between two configurations by so many extents of the first that no support can stop
+    /// the body.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::MovesAway`].
+    pub(super) fn check_distance(&mut self, from: &[f64], to: &[f64], t: f64) -> Result<(), SolverError> {
+        self.go_to(from, t);
+        let (far, extent) = (vectors::max_abs(to.len(), |k| to[k] - from[k]), self.extent());
+        let farthest = if self.is_linear { FARTHEST_LINEAR } else { FARTHEST };
+        if extent == 0.0 || far <= farthest * extent {
+            return Ok(());
+        }
+        Err(SolverError::MovesAway { extents: far / extent })
+    }
+
+    /// Returns whether a correction is longer than the bodies, although V is not quadratic.
+    pub(super) fn is_too_long(&self, step: &[f64]) -> bool {
+        let extent = self.extent();
+        !self.is_linear && extent > 0.0 && vectors::max_abs(step.len(), |k| step[k]) > extent
+    }
+
+    /// Returns the shift σ for which the root mean square of (K + σM)⁻¹ r is at most the extent L of the bodies, |r|/(L √m) with
+    /// |r|² = Σ rᵢ²/mᵢ and m = Σ mᵢ, 1/s². Under weight alone this is g/L.
+    pub(super) fn gentle_shift(&self, r: &[f64]) -> f64 {
+        let mass = self.system.free_mass();
+        let force = vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]).sqrt();
+        force / (self.extent() * vectors::sum(r.len(), |k| mass[k]).sqrt())
+    }
+
+    /// Checks that the forces `r` balance along every axis of space along which nothing holds a body. Bodies that may touch others
+    /// pass.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::MovesAway`] with an infinite distance.
+    pub(super) fn check_supports(&self, r: &[f64]) -> Result<(), SolverError> {
+        let Some(translations) = FreeTranslations::new(self.system) else { return Ok(()) };
+        let sizes: Vec<f64> = r.iter().map(|r| r.abs()).collect();
+        let (net, all) = (translations.resultants(r), translations.resultants(&sizes));
+        if net.iter().zip(&all).any(|(net, all)| net.abs() > ROUND_OFF * all) {
+            return Err(SolverError::MovesAway { extents: f64::INFINITY });
+        }
+        Ok(())
+    }
+}
