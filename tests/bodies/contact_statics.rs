@@ -393,8 +393,9 @@ sum = "contact_force"
     )
 }
 
-/// Nodes slide off rims that lie on each other: such blocks find no equilibrium in increments that serve others, and the error says what
-/// to change. If it is changed, they press straight down, with the force of two springs in series and that of the sides that bulge.
+/// Without friction, nodes slide off rims that lie on each other: such blocks find no equilibrium in increments that serve others, and the error
+/// says what to change. If it is changed, or if friction holds the nodes, they press straight down, with the force of two springs in series
+/// and that of the sides that bulge.
 #[test]
 fn blocks_with_rims_on_each_other_are_named_and_narrower_ones_press_straight() {
     for (low, high, friction, poisson, most) in [
@@ -402,17 +403,23 @@ fn blocks_with_rims_on_each_other_are_named_and_narrower_ones_press_straight() {
         ("[5, 5, 2]", "[4, 4, 2]", 0.0, 0.3, 0.15),
         ("[3, 3, 2]", "[2, 3, 2]", 0.3, 0.0, 0.06),
     ] {
+        let press = |width: f64| {
+            let program = Program::run(&two_blocks(width, friction, [low, high], poisson));
+            let history = program.history();
+            let [x, y, z] = ["f.fx", "f.fy", "f.fz"].map(|name| *history.column(name).last().unwrap());
+            assert!(x.hypot(y) < 2e-6 * z, "{low} {high}: {x} {y} {z}");
+            let springs = 2e-3 * width * width / (0.1 / 1e6 + 0.1 / 4e6);
+            assert!((0.0..most).contains(&(z / springs - 1.0)), "{low} {high}: {z} {springs}");
+        };
+        press(0.0998);
+        if friction > 0.0 {
+            press(0.1);
+            continue;
+        }
         let program = Program::try_run(&two_blocks(0.1, friction, [low, high], poisson), &[]);
         let said = program.errors();
         assert_eq!(program.code(), Some(4), "{said}");
         assert!(said.contains("by this layer or more on each side, because rims of both lie on"), "{said}");
-        let width = 0.0998;
-        let program = Program::run(&two_blocks(width, friction, [low, high], poisson));
-        let history = program.history();
-        let [x, y, z] = ["f.fx", "f.fy", "f.fz"].map(|name| *history.column(name).last().unwrap());
-        assert!(x.hypot(y) < 2e-6 * z, "{low} {high}: {x} {y} {z}");
-        let springs = 2e-3 * width * width / (0.1 / 1e6 + 0.1 / 4e6);
-        assert!((0.0..most).contains(&(z / springs - 1.0)), "{low} {high}: {z} {springs}");
     }
 }
 
@@ -424,4 +431,45 @@ fn a_narrow_block_that_finds_no_equilibrium_has_no_rims_on_others() {
     let said = program.errors();
     assert_eq!(program.code(), Some(4), "{said}");
     assert!(said.contains("'high'") && !said.contains("rims"), "{said}");
+}
+
+/// A soft block that falls onto a floor by a fifth of its height, with friction, rests there with its weight and without a force along the
+/// floor; so does a block that is pressed and pushed on a soft slab, and friction balances the push.
+#[test]
+fn blocks_with_friction_come_to_rest_from_afar() {
+    let block = |name: &str, size: &str, cells: &str, origin: &str| {
+        format!(
+            "[[body]]\nname = \"{name}\"\nbox = {{ size = {size}, cells = {cells}, origin = {origin} }}\n\
+             material = {{ law = \"neo-hookean\", young = 1e5, poisson = 0.3, density = 1000.0 }}\n"
+        )
+    };
+    let common =
+        "gravity = [0.0, 0.0, -9.81]\n[time]\nend = 1.0\nstep = 0.5\n[static]\n[contact]\nfriction = 0.5\n";
+    let probe = |other: &str| {
+        format!("[[probe]]\nname = \"f\"\nbetween = [\"top\", \"{other}\"]\nsum = \"contact_force\"\n")
+    };
+    let floor =
+        "[[rigid]]\nname = \"floor\"\nfixed = true\nshape = { kind = \"plane\", normal = [0.0, 0.0, 1.0] }\n";
+    let falls = format!(
+        "{common}{}{floor}{}",
+        block("top", "[0.1, 0.1, 0.1]", "[4, 4, 4]", "[0.0, 0.0, 0.02]"),
+        probe("floor")
+    );
+    let pushed = format!(
+        "{common}{}{}[[fix]]\nbody = \"slab\"\nregion = \"z-min\"\n[[load]]\nkind = \"force\"\nbody = \"top\"\n\
+         region = \"z-max\"\nforce = [1.0, 0.0, -2.0]\namplitude = \"t\"\n{}",
+        block("slab", "[0.3, 0.3, 0.05]", "[6, 6, 2]", "[0.0, 0.0, 0.0]"),
+        block("top", "[0.1, 0.1, 0.1]", "[4, 4, 4]", "[0.11, 0.12, 0.0505]"),
+        probe("slab")
+    );
+    for (scene, expected) in [(falls, [0.0, 0.0, 9.81]), (pushed, [-1.0, 0.0, 11.81])] {
+        let program = Program::run(&scene);
+        let history = program.history();
+        let force = ["f.fx", "f.fy", "f.fz"].map(|name| history.last(name));
+        for (force, expected) in force.iter().zip(expected) {
+            assert!((force - expected).abs() < 1e-5 * 9.81, "{force} N, expected {expected} N");
+        }
+        let iterations = program.report()["work"]["newton_iterations"].as_u64().unwrap();
+        assert!(iterations < 2000, "{iterations} iterations");
+    }
 }

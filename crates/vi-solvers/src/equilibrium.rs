@@ -2,6 +2,7 @@
 //! from them. Also computes the forces on the nodes of a given state.
 
 pub(crate) mod balance;
+mod bond;
 pub(crate) mod circulation;
 mod constrained;
 mod critical;
@@ -9,6 +10,7 @@ mod distances;
 pub(crate) mod friction;
 pub(crate) mod function;
 mod headway;
+mod lagging;
 mod line_search;
 pub(crate) mod load_control;
 mod lowest_mode;

@@ -5,6 +5,7 @@ use vi_core::{State, StepEnergy, System};
 use crate::assemble::assembler::Assembler;
 use crate::assemble::force_sum::ForceSum;
 use crate::assemble::hessian::{HessianEvaluation, is_constant};
+use crate::equilibrium::bond::Bond;
 use crate::equilibrium::circulation::circulatory;
 use crate::equilibrium::friction::{Friction, Rubbed};
 use crate::equilibrium::tangent_solver::{ConstantTangent, Demand, TangentSolver};
@@ -44,6 +45,8 @@ pub(crate) struct Balance<'a> {
     /// Constant forces that are subtracted from the residual, N; empty for none.
     pub(crate) held: Vec<f64>,
     pub(crate) friction: Option<Friction>,
+    /// A bond of the coordinates, which is part of V.
+    pub(super) bond: Option<Bond>,
     /// The work of supports and loads since the search began.
     done: Option<WorkDone>,
     pub(crate) work: Work,
@@ -73,6 +76,7 @@ impl<'a> Balance<'a> {
             diagonal: vec![0.0; system.coordinates().free_count()],
             held: Vec::new(),
             friction: None,
+            bond: None,
             done: None,
             work: Work::default(),
             interrupt: interrupt.clone(),
@@ -150,7 +154,12 @@ impl<'a> Balance<'a> {
 
     /// Returns whether all forces have a potential, so that equilibria are stationary points of V.
     pub(crate) fn is_conservative(&self) -> bool {
-        self.forces.is_none() && self.friction.is_none()
+        self.forces.is_none() && self.friction.as_ref().is_none_or(Friction::is_lagged)
+    }
+
+    /// Returns whether all forces but friction have a potential.
+    pub(crate) fn only_friction_dissipates(&self) -> bool {
+        self.forces.is_none()
     }
 
     /// Returns whether the stability of an equilibrium is that of the symmetric part of K: all forces but damping have a potential.
@@ -193,6 +202,9 @@ impl<'a> Balance<'a> {
         }
         self.system.coordinates().restrict(&self.gradient, out);
         out.iter_mut().zip(&self.held).for_each(|(out, held)| *out -= held);
+        if let Some(bond) = &self.bond {
+            bond.add_gradient(self.system.free_mass(), q, out);
+        }
         Ok(())
     }
 
@@ -239,7 +251,9 @@ impl<'a> Balance<'a> {
         self.go_to(q, t);
         self.work.energies += 1;
         let held = vectors::sum(self.held.len(), |k| self.held[k] * q[k]);
-        self.assembler.energies(&self.x, t).total() - held
+        let friction = self.friction.as_mut().map_or(0.0, |friction| friction.energy(&self.x));
+        let bond = self.bond.as_ref().map_or(0.0, |bond| bond.energy(self.system.free_mass(), q));
+        self.assembler.energies(&self.x, t).total() - held + friction + bond
     }
 
     /// Returns whether V at (`to`, t) is at most that at (`from`, t); true if forces have no potential. A prediction by an
@@ -301,6 +315,7 @@ impl<'a> Balance<'a> {
             self.unshifted = None;
             return Ok(Ok(()));
         }
+        let shift = shift + self.bond.as_ref().map_or(0.0, |bond| bond.shift);
         let lasts = self.is_linear && self.friction.is_none() && shift == 0.0;
         let counted = self.work;
         self.count_tangent(kind);

@@ -3,6 +3,7 @@
 //! decrease could guide a line search. `soft_bristles` finds which pairs stick and which slide.
 
 use crate::equilibrium::balance::Balance;
+use crate::equilibrium::lagging;
 use crate::equilibrium::newton::{self, Solved, Stop, factorize_definite};
 use crate::equilibrium::tangent_solver::Demand;
 use crate::error::SolverError;
@@ -27,6 +28,10 @@ const REACHES: f64 = 20.0;
 /// increment counts as unsupported.
 const FARTHEST: f64 = 0.1;
 
+/// Number of solves by passes with lagged friction that may fail in a search. Where nodes of one body lie exactly on edges of the other, or
+/// bodies come near by much more than their gap, errors may stay the same from pass to pass.
+const MOST_FAILED_LAGS: u32 = 3;
+
 struct Rubbing<'a, 'b> {
     balance: &'a mut Balance<'b>,
     start: Vec<f64>,
@@ -49,9 +54,25 @@ pub(super) fn solve(
     }
     let (tolerance, most) = (stop.tolerance, 2 * stop.max_iterations);
     stop.scale = stop.scale.max(1e-12 * balance.energy_scale(q, t));
+    let scale = stop.scale;
     let start = q.to_vec();
     let mut series = Rubbing { balance, q: start.clone(), start, t, stop, done: 0, stayed_definite: true };
+    // If the plain attempt fails: passes with lagged friction, and then softer bristles.
     if let Err(failed) = soft_bristles::solve_plainly(&mut series, Start::Still, tolerance, most) {
+        if failed.is_interruption() {
+            return Err(failed);
+        }
+        // The first corrections of the series that failed may be far too long.
+        let scale_of_series = std::mem::replace(&mut series.stop.scale, scale);
+        match series.lag() {
+            Ok(Some(solved)) => {
+                q.copy_from_slice(&series.q);
+                return Ok(solved);
+            }
+            Err(error) if error.is_interruption() => return Err(error),
+            _ => {}
+        }
+        series.stop.scale = scale_of_series;
         series.balance.work.softenings += 1;
         let attempts = Attempt::after_plain(Start::Still, false, true);
         soft_bristles::solve_in_stages(&mut series, &attempts, failed, tolerance, most)?;
@@ -61,6 +82,24 @@ pub(super) fn solve(
 }
 
 impl Rubbing<'_, '_> {
+    /// Solves the equations by passes with lagged friction. Returns `None` if other forces have no potential, or if passes have failed too
+    /// often.
+    fn lag(&mut self) -> Result<Option<Solved>, SolverError> {
+        let only_friction_dissipates = self.balance.only_friction_dissipates();
+        let Some(friction) = self.balance.friction.as_mut() else { return Ok(None) };
+        if !only_friction_dissipates || friction.failed_lags >= MOST_FAILED_LAGS {
+            return Ok(None);
+        }
+        friction.set_predicts(false);
+        self.q.copy_from_slice(&self.start);
+        let outcome = lagging::solve(self.balance, &mut self.q, self.t, self.stop);
+        if let Some(friction) = &mut self.balance.friction {
+            friction.set_predicts(true);
+            friction.failed_lags += u32::from(outcome.is_err());
+        }
+        outcome.map(|solved| Some(Solved { iterations: self.done + solved.iterations, ..solved }))
+    }
+
     /// Returns δ = −J⁻¹r and the energies −δᵀr of it and of −A⁻¹r, J.
     fn correct(&mut self, r: &[f64]) -> Result<(Vec<f64>, f64, f64), SolverError> {
         let balance = &mut *self.balance;

@@ -29,6 +29,11 @@ impl LiveSum {
         self.lagged = None;
     }
 
+    /// Returns the lagged friction alone.
+    pub(crate) fn lagged_friction(&mut self) -> Option<&mut FixedSum> {
+        self.lagged.as_mut()
+    }
+
     /// Returns whether friction is lagged.
     pub(crate) fn is_lagged(&self) -> bool {
         self.lagged.is_some()
