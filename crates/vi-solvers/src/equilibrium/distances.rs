@@ -40,8 +40,9 @@ impl Balance<'_> {
     /// |r|² = Σ rᵢ²/mᵢ and m = Σ mᵢ, 1/s². Under weight alone this is g/L.
     pub(super) fn gentle_shift(&self, r: &[f64]) -> f64 {
         let mass = self.system.free_mass();
-        let force = vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]).sqrt();
-        force / (self.extent() * vectors::sum(r.len(), |k| mass[k]).sqrt())
+        // The root of a square of an acceleration has the same bits in units that are powers of two.
+        let square = vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]) / vectors::sum(r.len(), |k| mass[k]);
+        square.sqrt() / self.extent()
     }
 
     /// Checks that the forces `r` balance along every axis of space along which nothing holds a body. Bodies that may touch others
