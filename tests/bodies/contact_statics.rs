@@ -462,12 +462,17 @@ fn blocks_with_friction_come_to_rest_from_afar() {
         block("top", "[0.1, 0.1, 0.1]", "[4, 4, 4]", "[0.11, 0.12, 0.0505]"),
         probe("slab")
     );
-    for (scene, expected) in [(falls, [0.0, 0.0, 9.81]), (pushed, [-1.0, 0.0, 11.81])] {
+    let roughly = pushed.replace("[static]\n", "[static]\ntolerance = 0.1\n");
+    for (scene, expected, accuracy) in [
+        (falls, [0.0, 0.0, 9.81], 1e-5),
+        (pushed, [-1.0, 0.0, 11.81], 1e-5),
+        (roughly, [-1.0, 0.0, 11.81], 0.1),
+    ] {
         let program = Program::run(&scene);
         let history = program.history();
         let force = ["f.fx", "f.fy", "f.fz"].map(|name| history.last(name));
         for (force, expected) in force.iter().zip(expected) {
-            assert!((force - expected).abs() < 1e-5 * 9.81, "{force} N, expected {expected} N");
+            assert!((force - expected).abs() < accuracy * 9.81, "{force} N, expected {expected} N");
         }
         let iterations = program.report()["work"]["newton_iterations"].as_u64().unwrap();
         assert!(iterations < 2000, "{iterations} iterations");

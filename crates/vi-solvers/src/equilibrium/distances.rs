@@ -37,12 +37,15 @@ impl Balance<'_> {
     }
 
     /// Returns the shift σ for which the root mean square of (K + σM)⁻¹ r is at most the extent L of the bodies, |r|/(L √m) with
-    /// |r|² = Σ rᵢ²/mᵢ and m = Σ mᵢ, 1/s². Under weight alone this is g/L.
+    /// |r|² = Σ rᵢ²/mᵢ and m = Σ mᵢ, 1/s². Under weight alone this is g/L. Zero for a body without extent.
     pub(super) fn gentle_shift(&self, r: &[f64]) -> f64 {
-        let mass = self.system.free_mass();
+        let (mass, extent) = (self.system.free_mass(), self.extent());
+        if extent == 0.0 {
+            return 0.0;
+        }
         // The root of a square of an acceleration has the same bits in units that are powers of two.
         let square = vectors::sum(r.len(), |k| r[k] * r[k] / mass[k]) / vectors::sum(r.len(), |k| mass[k]);
-        square.sqrt() / self.extent()
+        square.sqrt() / extent
     }
 
     /// Checks that the forces `r` balance along every axis of space along which nothing holds a body. Bodies that may touch others

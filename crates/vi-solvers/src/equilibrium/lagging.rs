@@ -42,8 +42,8 @@ pub(super) fn solve(
     let mut errors: Vec<f64> = Vec::new();
     for pass in 0..PASSES {
         let last = errors.last().copied().unwrap_or(1.0);
-        let tolerance =
-            (FRACTION * last).clamp(0.1 * stop.tolerance, if pass == 0 { FRACTION } else { ROUGHEST });
+        let roughest = if pass == 0 { FRACTION } else { ROUGHEST };
+        let tolerance = (FRACTION * last).min(roughest).max(0.1 * stop.tolerance);
         let mut own = Stop { tolerance, ..*stop };
         balance.bond = (pass == 0).then(|| bond.clone());
         let outcome = minimise(balance, q, t, &mut own);
