@@ -1,6 +1,10 @@
 //! Defines the error type of this crate.
 
+mod description;
+
 use thiserror::Error;
+
+use description::{distance, explain_lowest, in_metres};
 
 /// The errors of this crate.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -473,10 +477,6 @@ impl SolverError {
     }
 }
 
-fn in_metres([x, y, z]: &[f64; 3]) -> String {
-    format!("({x:.4}, {y:.4}, {z:.4}) m")
-}
-
 /// A pivot of a matrix is not positive, so that no Cholesky factor exists.
 #[derive(Debug, Clone, Copy, PartialEq, Error)]
 #[error("matrix is not positive definite: the pivot of free coordinate {free} is not positive")]
@@ -493,22 +493,4 @@ pub struct TermFault {
     pub term: String,
     /// The element, the quantity, its value and its domain.
     pub fault: vi_core::Fault,
-}
-
-fn explain_lowest(lowest: &Option<f64>) -> String {
-    match lowest {
-        Some(lowest) => format!(
-            "; the lowest eigenvalue of the last equilibrium is {lowest:e} 1/s²: if it has decreased towards \
-             zero, this is a limit point, which an arc-length search can pass"
-        ),
-        None => String::new(),
-    }
-}
-
-/// Describes how far bodies move.
-fn distance(extents: f64) -> String {
-    match extents.is_finite() {
-        true => format!("{extents:.1} times their extent without coming to rest"),
-        false => "freely along an axis along which their loads do not balance".to_owned(),
-    }
 }

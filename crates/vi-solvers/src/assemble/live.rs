@@ -144,10 +144,9 @@ impl LiveSum {
             Some([plain, _]) if lagged.is_none() => plain,
             _ => &mut near.whole,
         };
-        for assembler in [Some(assembler), lagged.as_mut()].into_iter().flatten() {
-            assembler.gradient(x, t, buffer);
-            vectors::update(out, |k, out| *out += buffer[k]);
-        }
+        assembler.gradient(x, t, buffer);
+        vectors::update(out, |k, out| *out += buffer[k]);
+        self.add_lagged_gradient(x, t, out);
     }
 
     /// Opens a step from positions `x` (m). Terms that dissipate continue from the memory that they

@@ -1,5 +1,7 @@
 //! The equilibrium of a body at a load factor: residual, energy, tangent, and solves with it.
 
+use std::cell::OnceCell;
+
 use vi_core::{State, StepEnergy, System};
 
 use crate::assemble::assembler::Assembler;
@@ -15,6 +17,7 @@ use crate::interrupt::Interrupt;
 use crate::linear::matrix::SymmetricMatrix;
 use crate::linear::matrix_sum::MatrixSum;
 use crate::linear::minres::minimal_residual;
+use crate::newton::free_translations::FreeTranslations;
 use crate::options::LinearSolver;
 use crate::vectors;
 use crate::work::Work;
@@ -47,6 +50,8 @@ pub(crate) struct Balance<'a> {
     pub(crate) friction: Option<Friction>,
     /// A bond of the coordinates, which is part of V.
     pub(super) bond: Option<Bond>,
+    /// The translations of bodies that nothing holds, once they are asked for.
+    pub(super) translations: OnceCell<Option<FreeTranslations>>,
     /// The work of supports and loads since the search began.
     done: Option<WorkDone>,
     pub(crate) work: Work,
@@ -77,6 +82,7 @@ impl<'a> Balance<'a> {
             held: Vec::new(),
             friction: None,
             bond: None,
+            translations: OnceCell::new(),
             done: None,
             work: Work::default(),
             interrupt: interrupt.clone(),

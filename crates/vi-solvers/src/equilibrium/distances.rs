@@ -54,7 +54,9 @@ impl Balance<'_> {
     /// # Errors
     /// Returns [`SolverError::MovesAway`] with an infinite distance.
     pub(super) fn check_supports(&self, r: &[f64]) -> Result<(), SolverError> {
-        let Some(translations) = FreeTranslations::new(self.system) else { return Ok(()) };
+        let Some(translations) = self.translations.get_or_init(|| FreeTranslations::new(self.system)) else {
+            return Ok(());
+        };
         let sizes: Vec<f64> = r.iter().map(|r| r.abs()).collect();
         let (net, all) = (translations.resultants(r), translations.resultants(&sizes));
         if net.iter().zip(&all).any(|(net, all)| net.abs() > ROUND_OFF * all) {

@@ -4,7 +4,6 @@
 use vi_core::{Coordinates, Impulse, StepSpan, System};
 
 use crate::assemble::assembler::Assembler;
-use crate::assemble::hessian::HessianEvaluation;
 use crate::assemble::live::{LiveState, LiveSum};
 use crate::assemble::pairs::Pairs;
 use crate::assemble::stencil_forces::ListedForces;
@@ -39,8 +38,6 @@ pub(crate) struct Friction {
     start: Vec<f64>,
     /// The product of the model and a vector.
     product: Vec<f64>,
-    /// Lagged friction, N.
-    force: Vec<f64>,
     pub(crate) rubbed: Rubbed,
     /// Number of solves with lagged friction that failed.
     pub(crate) failed_lags: u32,
@@ -65,15 +62,8 @@ impl Friction {
         }
         let pairs = Pairs::new(system.coordinates());
         let product = vec![0.0; system.coordinates().free_count()];
-        let mut friction = Self {
-            live,
-            pairs,
-            start: x.to_vec(),
-            product,
-            force: vec![0.0; x.len()],
-            rubbed: rubbed.clone(),
-            failed_lags: 0,
-        };
+        let mut friction =
+            Self { live, pairs, start: x.to_vec(), product, rubbed: rubbed.clone(), failed_lags: 0 };
         friction.set_predicts(true);
         Ok(Some(friction))
     }
@@ -88,16 +78,16 @@ impl Friction {
         self.pairs.set_stiffness(fraction);
     }
 
-    /// Replaces friction by a potential, with the normal forces and the directions of slip at positions x, until [`Friction::end_lag`].
-    pub(crate) fn lag(&mut self, x: &[f64]) {
-        self.live.lag(&self.start, x, self.pairs.acting());
-    }
-
     /// Sets whether predicted tractions decide which pairs stick; otherwise slips alone do.
     pub(crate) fn set_predicts(&mut self, predicts: bool) {
         let count = if predicts { self.start.len() / 3 } else { 0 };
         // There is no inertia, so the stiffness of bristles is the only scale.
         self.pairs.set_compliance(vec![0.0; count].into());
+    }
+
+    /// Replaces friction by a potential, with the normal forces and the directions of slip at positions x, until [`Friction::end_lag`].
+    pub(crate) fn lag(&mut self, x: &[f64]) {
+        self.live.lag(&self.start, x, self.pairs.acting());
     }
 
     /// Ends [`Friction::lag`].
@@ -112,15 +102,15 @@ impl Friction {
 
     /// Returns the potential of lagged friction at positions x, J.
     pub(crate) fn energy(&mut self, x: &[f64]) -> f64 {
-        self.live.lagged_friction().map_or(0.0, |lagged| lagged.energies(x, 0.0).total())
+        self.live.lagged_energy(x, 0.0)
     }
 
     /// Adds the forces of friction at positions x to `gradient`, both of all coordinates.
     pub(crate) fn add_gradient(&mut self, coordinates: &Coordinates, x: &[f64], gradient: &mut [f64]) {
-        if let Some(lagged) = self.live.lagged_friction() {
-            lagged.gradient(x, 0.0, &mut self.force);
-            gradient.iter_mut().zip(&self.force).for_each(|(sum, force)| *sum += force);
-        } else if self.live.list_pairs(&self.start, x, self.pairs.open()) {
+        if self.live.add_lagged_gradient(x, 0.0, gradient) {
+            return;
+        }
+        if self.live.list_pairs(&self.start, x, self.pairs.open()) {
             self.pairs.close(coordinates, gradient);
         } else {
             gradient.fill(f64::NAN);
@@ -130,10 +120,7 @@ impl Friction {
     /// Returns a symmetric model of the tangent at positions x.
     pub(crate) fn model(&mut self, x: &[f64]) -> Option<&SymmetricMatrix> {
         if self.live.is_lagged() {
-            return self
-                .live
-                .lagged_friction()
-                .map(|lagged| lagged.hessian(x, 0.0, HessianEvaluation::Exact));
+            return self.live.lagged_hessian(x, 0.0);
         }
         self.live.tangents_over(&self.start, x)
     }

@@ -37,15 +37,13 @@ impl Headway {
         self.norms.last().copied().unwrap_or(f64::INFINITY)
     }
 
-    /// Returns whether one of the last `patience` corrections is smaller than all before, or they released energy. Without forces that
-    /// have no potential, energy only falls.
+    /// Returns whether the last `patience` corrections were worth while: one of them is smaller than all before, or they released energy.
     pub(super) fn continues(&self, patience: usize) -> bool {
         let Some(start) = self.norms.len().checked_sub(patience) else { return true };
+        let (before, late) = self.norms.split_at(start);
         let least = |norms: &[f64]| norms.iter().copied().fold(f64::INFINITY, f64::min);
-        let (Some(&now), Some(&before)) = (self.released.last(), self.released.get(start)) else {
-            return true;
-        };
-        least(&self.norms[start..]) <= SMALLER * least(&self.norms[..start]) || now - before > RELEASE * now
+        let released = self.released.last().copied().unwrap_or(0.0);
+        least(late) <= SMALLER * least(before) || released - self.released[start] > RELEASE * released
     }
 
     /// Returns whether the tangent was positive definite at most of the last `count` iterates. A body that snaps passes through states

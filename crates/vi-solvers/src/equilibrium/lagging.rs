@@ -84,7 +84,7 @@ fn minimise(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Re
     }
     let start = q.to_vec();
     let outcome = match newton::solve(balance, q, t, stop) {
-        Err(error) if !error.is_interruption() && balance.is_conservative() => {
+        Err(error) if !error.is_interruption() => {
             q.copy_from_slice(&start);
             let count = balance.work.newton_iterations;
             trust_region::minimise(balance, q, t, stop).map(|()| {

@@ -11,6 +11,9 @@ const CLOSE: f64 = 1e-4;
 /// Relative accuracy in the energy norm of bends by conjugate gradients.
 const ACCURACY: f64 = 1e-3;
 
+/// Round-off of a difference of two energies, relative to them.
+pub(super) const NOISE: f64 = 1e-14;
+
 /// Returns half the curvature of the way that begins along `step` d and stays where forces across it balance: b = −½ K⁻¹ ∂²r[d, d]
 /// without its part along d (geodesic acceleration, Transtrum and Sethna 2012). A slender body that bends must not become longer:
 /// along a straight line its energy soon grows, and 250 corrections do not bend a column with L/h = 50. Returns `None` if K, which
@@ -67,7 +70,7 @@ pub(super) fn line_search(
     const TRIALS: usize = 25;
     let slope = vectors::sum(q.len(), |k| step[k] * r[k]);
     let energy = if balance.is_conservative() { balance.energy(q, t) } else { 0.0 };
-    let noise = 1e-14 * energy.abs();
+    let noise = NOISE * energy.abs();
     let mut length = longest;
     let mut failure = stalled;
     for _ in 0..TRIALS {

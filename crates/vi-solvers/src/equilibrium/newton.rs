@@ -11,7 +11,7 @@ use crate::error::SolverError;
 use crate::vectors;
 
 /// Below this relative energy norm full steps are made, because differences of energies are round-off there.
-const WHOLE_STEPS_BELOW: f64 = 1e-4;
+pub(super) const WHOLE_STEPS_BELOW: f64 = 1e-4;
 
 /// Below this relative energy norm a solve that stalls has reached round-off.
 const ROUND_OFF_BELOW: f64 = 1e-5;
@@ -23,7 +23,7 @@ pub(super) const PREDICTION: f64 = 1e-3;
 /// the size of the correction before, so that Newton's method still converges superlinearly (Dembo, Eisenstat, Steihaug
 /// 1982).
 const ROUGH: f64 = 1e-2;
-const ACCURATE: f64 = 1e-4;
+pub(super) const ACCURATE: f64 = 1e-4;
 
 /// Number of corrections in which a solve must make headway once [`Stop::max_iterations`] are made.
 const PATIENCE: usize = 12;
@@ -40,11 +40,16 @@ pub(crate) struct Stop {
     pub(crate) scale: f64,
 }
 
-/// Relative energy norm of a decrement.
 impl Stop {
+    /// Returns the relative energy norm of a decrement.
     pub(crate) fn relative(&self, decrement: f64) -> f64 {
         if decrement <= 0.0 { 0.0 } else { (decrement / self.scale).sqrt() }
     }
+}
+
+/// Returns whether a solve has reached round-off, from the relative energy norms of its last two corrections.
+pub(super) fn has_reached_round_off(relative: f64, last: f64) -> bool {
+    relative < ROUND_OFF_BELOW && relative > 0.3 * last
 }
 
 /// The effort of a solve.
@@ -228,7 +233,7 @@ fn iterate(
         let decrement = -vectors::sum(n, |k| step[k] * r[k]);
         let longest = balance.largest_step(q, t, &step);
         let relative = stop.relative(decrement);
-        let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
+        let is_round_off = has_reached_round_off(relative, last);
         let may_end = longest == 1.0 && (is_definite || goal == Goal::Equilibrium);
         let is_done = may_end && (relative <= stop.tolerance || is_round_off);
         last = relative;

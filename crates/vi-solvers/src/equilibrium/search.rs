@@ -50,11 +50,13 @@ impl<'a> Search<'a> {
     /// # Errors
     /// Returns [`SolverError::Interrupted`], or [`SolverError::MovesAway`] if there is no such equilibrium.
     pub(super) fn release(&mut self, state: &mut State) -> Result<bool, SolverError> {
-        match self.descend(state, state.t) {
-            Ok(()) => return Ok(true),
-            Err(error @ SolverError::MovesAway { .. }) => return Err(error),
-            Err(error) if error.is_interruption() => return Err(error),
-            Err(_) => {}
+        if self.can_descend() {
+            match self.descend(state, state.t) {
+                Ok(()) => return Ok(true),
+                Err(error @ SolverError::MovesAway { .. }) => return Err(error),
+                Err(error) if error.is_interruption() => return Err(error),
+                Err(_) => {}
+            }
         }
         match release::release(&mut self.balance, &mut state.q, state.t, &self.stop) {
             Ok(halvings) => {
@@ -73,6 +75,9 @@ impl<'a> Search<'a> {
     /// # Errors
     /// Returns [`SolverError::Interrupted`].
     pub(super) fn leave_mechanism(&mut self, state: &mut State, t: f64) -> Result<bool, SolverError> {
+        if !self.can_descend() {
+            return Ok(false);
+        }
         let increment = self.options.smallest_increment.copysign(t - state.t);
         let moved = match self.response(state, state.t + increment) {
             Ok(step) if !self.balance.is_too_long(&step) => return Ok(false),
@@ -97,12 +102,14 @@ impl<'a> Search<'a> {
         Ok(step)
     }
 
+    /// Returns whether equilibria are minima of V, and bodies have an extent by which corrections can be limited.
+    fn can_descend(&self) -> bool {
+        self.balance.is_conservative() && self.constraints.is_none() && self.balance.extent() > 0.0
+    }
+
     /// Moves a state to a minimum of V at load factor `t`.
     fn descend(&mut self, state: &mut State, t: f64) -> Result<(), SolverError> {
         let balance = &mut self.balance;
-        if !balance.is_conservative() || self.constraints.is_some() || balance.extent() == 0.0 {
-            return Err(SolverError::NotFactored);
-        }
         let mut q = state.q.clone();
         trust_region::minimise(balance, &mut q, t, &mut { self.stop })?;
         state.q = q;

@@ -8,7 +8,8 @@
 use crate::assemble::hessian::HessianEvaluation;
 use crate::equilibrium::balance::Balance;
 use crate::equilibrium::headway::Headway;
-use crate::equilibrium::newton::{MOST_ITERATIONS, Stop};
+use crate::equilibrium::line_search::NOISE;
+use crate::equilibrium::newton::{ACCURATE, MOST_ITERATIONS, Stop, WHOLE_STEPS_BELOW, has_reached_round_off};
 use crate::error::SolverError;
 use crate::vectors;
 
@@ -26,12 +27,6 @@ const SMALLEST: f64 = 1e-3;
 const PATIENCE: usize = 40;
 /// Number of shifts tried for a tangent that is not positive definite.
 const SHIFTS: usize = 60;
-/// Below this relative energy norm and without a shift, full steps are made.
-const WHOLE_STEPS_BELOW: f64 = 1e-4;
-/// Below this relative energy norm a descent that stalls has reached round-off.
-const ROUND_OFF_BELOW: f64 = 1e-5;
-/// Relative accuracy of corrections by conjugate gradients, in the energy norm.
-const ACCURACY: f64 = 1e-4;
 
 /// The shift σ of the tangent, 1/s².
 struct Shift {
@@ -116,7 +111,7 @@ pub(super) fn minimise(
             return Ok(());
         }
         vectors::fill(&mut step, |k| -r[k]);
-        match balance.solve(&mut step, ACCURACY) {
+        match balance.solve(&mut step, ACCURATE) {
             Err(SolverError::NegativeCurvature { .. }) => {
                 shift.grow();
                 continue;
@@ -134,9 +129,9 @@ pub(super) fn minimise(
         // dᵀKd = decrement − σ dᵀMd.
         let penalty = sigma * vectors::sum(n, |k| mass[k] * step[k] * step[k]);
         let predicted = length * decrement - 0.5 * length * length * (decrement - penalty);
-        let noise = 1e-14 * energy.abs().max(there.abs());
+        let noise = NOISE * energy.abs().max(there.abs());
         let ratio = (energy - there + noise) / (predicted + noise);
-        let is_round_off = relative < ROUND_OFF_BELOW && relative > 0.3 * last;
+        let is_round_off = has_reached_round_off(relative, last);
         let is_least = sigma == 0.0 || !was_definite;
         let is_done = length == 1.0 && is_least && (relative <= stop.tolerance || is_round_off);
         let is_close = length == 1.0 && sigma == 0.0 && relative < WHOLE_STEPS_BELOW;

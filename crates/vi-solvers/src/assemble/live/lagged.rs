@@ -6,6 +6,9 @@ use vi_core::{Acting, Terms};
 
 use super::LiveSum;
 use crate::assemble::fixed::FixedSum;
+use crate::assemble::hessian::HessianEvaluation;
+use crate::linear::matrix::SymmetricMatrix;
+use crate::vectors;
 
 impl LiveSum {
     /// Returns whether all terms list the forces of their pairs, and these act at the end of the open step.
@@ -29,9 +32,22 @@ impl LiveSum {
         self.lagged = None;
     }
 
-    /// Returns the lagged friction alone.
-    pub(crate) fn lagged_friction(&mut self) -> Option<&mut FixedSum> {
-        self.lagged.as_mut()
+    /// Returns the potential of lagged friction alone, J; zero if friction is not lagged.
+    pub(crate) fn lagged_energy(&mut self, x: &[f64], t: f64) -> f64 {
+        self.lagged.as_mut().map_or(0.0, |lagged| lagged.energies(x, t).total())
+    }
+
+    /// Adds the gradient of lagged friction alone. Returns false if friction is not lagged.
+    pub(crate) fn add_lagged_gradient(&mut self, x: &[f64], t: f64, out: &mut [f64]) -> bool {
+        let Self { lagged: Some(lagged), buffer, .. } = self else { return false };
+        lagged.gradient(x, t, buffer);
+        vectors::update(out, |k, out| *out += buffer[k]);
+        true
+    }
+
+    /// Returns the Hessian of lagged friction alone; `None` if friction is not lagged.
+    pub(crate) fn lagged_hessian(&mut self, x: &[f64], t: f64) -> Option<&SymmetricMatrix> {
+        self.lagged.as_mut().map(|lagged| lagged.hessian(x, t, HessianEvaluation::Exact))
     }
 
     /// Returns whether friction is lagged.
