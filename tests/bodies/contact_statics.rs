@@ -434,7 +434,8 @@ fn a_narrow_block_that_finds_no_equilibrium_has_no_rims_on_others() {
 }
 
 /// A soft block that falls onto a floor by a fifth of its height, with friction, rests there with its weight and without a force along the
-/// floor; so does a block that is pressed and pushed on a soft slab, and friction balances the push.
+/// floor. So does one that falls onto a soft slab by its height, where its nodes meet edges of the slab. If it is pressed and pushed on a
+/// slab, friction balances the push.
 #[test]
 fn blocks_with_friction_come_to_rest_from_afar() {
     let block = |name: &str, size: &str, cells: &str, origin: &str| {
@@ -462,9 +463,16 @@ fn blocks_with_friction_come_to_rest_from_afar() {
         block("top", "[0.1, 0.1, 0.1]", "[4, 4, 4]", "[0.11, 0.12, 0.0505]"),
         probe("slab")
     );
+    let aligned = format!(
+        "{common}{}{}[[fix]]\nbody = \"slab\"\nregion = \"z-min\"\n{}",
+        block("slab", "[0.2, 0.2, 0.05]", "[4, 4, 1]", "[0.0, 0.0, 0.0]"),
+        block("top", "[0.1, 0.1, 0.1]", "[2, 2, 2]", "[0.05, 0.05, 0.15]"),
+        probe("slab")
+    );
     let roughly = pushed.replace("[static]\n", "[static]\ntolerance = 0.1\n");
     for (scene, expected, accuracy) in [
         (falls, [0.0, 0.0, 9.81], 1e-5),
+        (aligned, [0.0, 0.0, 9.81], 1e-5),
         (pushed, [-1.0, 0.0, 11.81], 1e-5),
         (roughly, [-1.0, 0.0, 11.81], 0.1),
     ] {

@@ -11,7 +11,8 @@
 //! those of the second with the opposite sign. The slip is the part of Σ_a w_a Δx_a normal to the axis, and a
 //! traction T exerts −w_a T on node a. As Σ_a w_a x_a(x_m) = z − z = 0, the forces do the work −T·u exactly, without
 //! resultant or moment, and act at the point of contact. A step of pure rolling has no slip: by Cayley's map Δd_k = ω
-//! × d_k(x_m), so that u = Δc + ω × (z − c).
+//! × d_k(x_m), so that u = Δc + ω × (z − c). Between equilibria, the force acts at the point of contact in the second one instead, along
+//! tangents there.
 
 mod change;
 
@@ -30,14 +31,14 @@ pub(crate) struct RollingPair {
     pub(crate) partners: Partners,
     /// The cell on which the point is measured; zero if there is none.
     pub(crate) cell: u32,
-    /// The axis in the middle of the step.
-    axis: Axis,
+    /// The contact in the middle of the step, which determines the slip.
+    middle: Touching,
     /// Weights of the point of contact for the nodes of [`Contact::rolling_nodes`]: the force on node a is −w_a T.
     pub(crate) weights: [f64; 8],
     /// Slip u of the first side over the second, m.
     #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the work"))]
     pub(crate) slip: Vec3,
-    /// Orthonormal directions normal to the axis.
+    /// Orthonormal directions of T, normal to the axis.
     pub(crate) tangents: [Vec3; 2],
     pub(crate) held: BristleStep,
     /// Force that presses the two parts together, N.
@@ -57,6 +58,14 @@ struct Axis {
     places: [Vec3; 2],
     /// Weights of these points for the nodes of the pair.
     weights: [f64; 4],
+}
+
+/// The axis of a pair at one configuration, with the weights of the point of contact and the tangents there.
+#[derive(Debug, Clone, Copy)]
+struct Touching {
+    axis: Axis,
+    weights: [f64; 8],
+    tangents: [Vec3; 2],
 }
 
 /// The point z where a pair touches: a closest point of one side, or `offset` n before it.
@@ -172,14 +181,13 @@ impl Contact<'_> {
         let before = anchors.of(partners);
         let cell = match partners {
             Partners::PointBody(point, body) => {
-                self.nearest_cell(point, body, x, before.map(|anchor| anchor.cell / 3))?
+                self.nearest_cell(point, body, x, before.map(|anchor| anchor.cell / 3), settings)?
             }
             _ => 0,
         };
         let start = |node: u32| at(x[0], node);
         let middle = |node: u32| (at(x[0], node) + at(x[1], node)) * 0.5;
         let first = self.axis(partners, cell, &start)?.normal;
-        let axis = self.axis(partners, cell, &middle)?;
         // Choose the direction that the tangents follow at x₀, so that it does not change while a solver varies x₁.
         let across =
             |number: usize, cell: u32| across(self.directions(partners, cell, &start)[number], first);
@@ -187,7 +195,7 @@ impl Contact<'_> {
         let is_across = |number: &usize| across(*number, cell).norm() > ACROSS;
         let kept = before.map(|anchor| (anchor.cell % 3) as usize);
         let number = kept.filter(is_across).or_else(|| (0..3).find(is_across)).unwrap_or(0);
-        let tangents = tangents(self.directions(partners, cell, &middle)[number], axis.normal)?;
+        let middle = self.touching(partners, cell, number, &middle)?;
         let frame = 3 * cell + number as u32;
         let stretch = match before {
             Some(anchor) if anchor.cell == frame => anchor.stretch,
@@ -197,11 +205,19 @@ impl Contact<'_> {
             }
             None => [0.0; 2],
         };
-        let weights = self.weights(partners, cell, &axis, &middle)?;
         let nodes = self.rolling_nodes(partners, cell);
-        let moved = nodes.iter().zip(&weights);
+        let moved = nodes.iter().zip(&middle.weights);
         let slip: Vec3 = moved.map(|(&node, &weight)| (at(x[1], node) - at(x[0], node)) * weight).sum();
-        let slip = slip - axis.normal * axis.normal.dot(&slip);
+        let normal = middle.axis.normal;
+        let slip = slip - normal * normal.dot(&slip);
+        let (acting, slip) = if settings.is_equilibrium() {
+            let end = self.touching(partners, cell, number, &|node: u32| at(x[1], node))?;
+            let [first, second] = middle.tangents.map(|tangent| tangent.dot(&slip));
+            (end, end.tangents[0] * first + end.tangents[1] * second)
+        } else {
+            (middle, slip)
+        };
+        let Touching { weights, tangents, .. } = acting;
         let stiffness = self.surface.bristle_stiffness(partners)?;
         let stored = before.map_or(0.0, |anchor| anchor.energy(stiffness));
         let bristles = Bristles {
@@ -221,7 +237,7 @@ impl Contact<'_> {
         Some(RollingPair {
             partners,
             cell,
-            axis,
+            middle,
             weights,
             slip,
             tangents,
@@ -230,6 +246,19 @@ impl Contact<'_> {
             slid,
             anchor,
         })
+    }
+
+    /// Returns the contact of a pair at one configuration. Its tangents follow the direction with this number.
+    fn touching(
+        &self,
+        partners: Partners,
+        cell: u32,
+        direction: usize,
+        x: &impl Fn(u32) -> Vec3,
+    ) -> Option<Touching> {
+        let axis = self.axis(partners, cell, x)?;
+        let tangents = tangents(self.directions(partners, cell, x)[direction], axis.normal)?;
+        Some(Touching { axis, weights: self.weights(partners, cell, &axis, x)?, tangents })
     }
 
     fn touch(&self, partners: Partners, axis: &Axis) -> Touch {
@@ -257,7 +286,7 @@ impl Contact<'_> {
         partners: Partners,
         cell: u32,
         axis: &Axis,
-        middle: &impl Fn(u32) -> Vec3,
+        x: &impl Fn(u32) -> Vec3,
     ) -> Option<[f64; 8]> {
         let surface = self.surface;
         let bodies = surface.bodies_of(partners);
@@ -271,8 +300,8 @@ impl Contact<'_> {
             let out = &mut weights[4 * k..4 * k + 4];
             match frame {
                 Some([c, directors @ ..]) => {
-                    let directors = Matrix3::from_columns(&directors.map(middle));
-                    let y = directors.try_inverse()? * (place - middle(c));
+                    let directors = Matrix3::from_columns(&directors.map(x));
+                    let y = directors.try_inverse()? * (place - x(c));
                     out.copy_from_slice(&[sign, sign * y.x, sign * y.y, sign * y.z]);
                 }
                 None if k == 0 => out[..count].copy_from_slice(&axis.weights[..count]),

@@ -16,6 +16,9 @@
 //! y still from E_k(x_m), they are the derivative of T·u with respect to x₁, but for terms of the order of u. The difference is that of
 //! r, and thus great if the parts approach each other by much more than their gap. The usual slip, the difference of two velocities
 //! at points a distance d apart, mistakes rotation for a slip d|ω| and produces the moment d × T.
+//!
+//! Between equilibria, x₁ takes the place of x_m in u and in T·u. Forces then have no moment in the second equilibrium, and they are the
+//! same if a further step begins there.
 
 use crate::distance::{Shape, Vec3, at, combine};
 
@@ -29,7 +32,7 @@ pub(super) struct Slip {
     pub(super) nodes: [u32; 4],
     /// Slip u, m.
     pub(super) slip: Vec3,
-    /// Orthonormal directions of slip at x_m. The second is zero if slip has one direction only.
+    /// Orthonormal directions of slip at x_m, or x₁ between equilibria. The second is zero if slip has one direction only.
     pub(super) tangents: [Vec3; 2],
     /// Weights of the contact point on both parts.
     pub(super) weights: [f64; 4],
@@ -37,7 +40,7 @@ pub(super) struct Slip {
     frame: Option<Frame>,
 }
 
-/// The convected coordinates of a pair in the middle and at the end of a step.
+/// The convected coordinates of a pair in the middle and at the end of a step; between equilibria, both are those of the end.
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     shape: Shape,
@@ -116,8 +119,14 @@ pub(super) fn facing(shape: Shape, x: &[Vec3; 4], r: Vec3) -> f64 {
 
 impl Slip {
     /// Returns the slip of a pair between the positions x₀ and x₁; `None` if it has no frame: a point against a
-    /// point, or parallel edges. The tangents follow the vector between two of its nodes.
-    pub(super) fn new(shape: Shape, nodes: [u32; 4], followed: [usize; 2], x: [&[f64]; 2]) -> Option<Self> {
+    /// point, or parallel edges. The tangents follow the vector between two of its nodes. If `at_end`, forces are those between equilibria.
+    pub(super) fn new(
+        shape: Shape,
+        nodes: [u32; 4],
+        followed: [usize; 2],
+        x: [&[f64]; 2],
+        at_end: bool,
+    ) -> Option<Self> {
         let (to_r, to_e, count) = pattern(shape);
         if count == 0 {
             return None;
@@ -133,26 +142,31 @@ impl Slip {
             inverses[end] = invert(grams[end], count)?;
             xi[end] = multiply(&inverses[end], e[end].map(|e| -e.dot(&r[end])));
         }
-        let mean = [0, 1].map(|k: usize| 0.5 * (xi[0][k] + xi[1][k]));
-        let middle = [0, 1].map(|k: usize| (e[0][k] + e[1][k]) * 0.5);
-        let mut average = grams[0];
-        for k in 0..2 {
-            for l in 0..2 {
-                average[k][l] = 0.5 * (grams[0][k][l] + grams[1][k][l]);
+        let end = Convected { r: r[1], e: e[1], inverse: inverses[1], xi: xi[1] };
+        let middle = if at_end {
+            end
+        } else {
+            let mut average = grams[0];
+            for k in 0..2 {
+                for l in 0..2 {
+                    average[k][l] = 0.5 * (grams[0][k][l] + grams[1][k][l]);
+                }
             }
-        }
-        let inverse = invert(average, count)?;
-        let slip = -(middle[0] * (xi[1][0] - xi[0][0]) + middle[1] * (xi[1][1] - xi[0][1]));
-        let place = |k: usize| (ends[0][k] + ends[1][k]) * 0.5;
+            Convected {
+                r: (r[0] + r[1]) * 0.5,
+                e: [0, 1].map(|k: usize| (e[0][k] + e[1][k]) * 0.5),
+                inverse: invert(average, count)?,
+                xi: [0, 1].map(|k: usize| 0.5 * (xi[0][k] + xi[1][k])),
+            }
+        };
+        let Convected { e, xi: mean, .. } = middle;
+        let slip = -(e[0] * (xi[1][0] - xi[0][0]) + e[1] * (xi[1][1] - xi[0][1]));
+        let place = |k: usize| if at_end { ends[1][k] } else { (ends[0][k] + ends[1][k]) * 0.5 };
         let first = (place(followed[1]) - place(followed[0])).normalize();
-        let second = middle[0].cross(&middle[1]).cross(&first);
+        let second = e[0].cross(&e[1]).cross(&first);
         let second = if count == 2 { second.normalize() } else { Vec3::zeros() };
         let weights = [0, 1, 2, 3].map(|a: usize| to_r[a] + mean[0] * to_e[0][a] + mean[1] * to_e[1][a]);
-        let frame = Frame {
-            shape,
-            middle: Convected { r: (r[0] + r[1]) * 0.5, e: middle, inverse, xi: mean },
-            end: Convected { r: r[1], e: e[1], inverse: inverses[1], xi: xi[1] },
-        };
+        let frame = Frame { shape, middle, end };
         Some(Self {
             arity: shape.arity(),
             nodes,
@@ -216,8 +230,9 @@ mod tests {
             let rest = rest[usize::from(shape == Shape::EdgeEdge)];
             let mut shake = |size: f64| rest.map(|x| x + size * (numbers.unit() - 0.5));
             let (start, mut end) = (shake(0.2), shake(0.3));
-            let slip =
-                |end: &[f64]| Slip::new(shape, nodes, [nodes.len() - 3, nodes.len() - 2], [&start, end]);
+            let slip = |end: &[f64]| {
+                Slip::new(shape, nodes, [nodes.len() - 3, nodes.len() - 2], [&start, end], false)
+            };
             for _ in 0..100 {
                 let Some(found) = slip(&end) else { break };
                 for node in 0..shape.first_count() {

@@ -132,6 +132,37 @@ fn the_work_of_friction_is_dissipated_or_stored() {
     }
 }
 
+/// In an equilibrium, friction has no moment, however far its parts moved from the equilibrium before.
+#[test]
+fn friction_of_equilibria_has_no_moment() {
+    let mut numbers = Numbers::new(24);
+    let rest = [[0.3, 0.3, 0.05], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].concat();
+    let mut builder = SurfaceBuilder::new(&rest);
+    let bodies = [builder.body(body(0.1, 1e4)), builder.body(body(0.1, 1e4))];
+    builder.point(bodies[0], 0, 0.1);
+    builder.triangles(bodies[1], &[[1, 2, 3]]);
+    builder.friction(0.3);
+    let surface = builder.build().expect("a valid surface");
+    let between = StepSettings { duration: f64::INFINITY, acts_at_end: true, damping_at_end: 0.0 };
+    let mut largest = 0.0_f64;
+    for _ in 0..300 {
+        let mut shaken =
+            || rest.iter().map(|x| x + 0.02 * (2.0 * numbers.unit() - 1.0)).collect::<Vec<f64>>();
+        let [mut x0, x1] = [(); 2].map(|()| shaken());
+        x0[2] += numbers.unit();
+        let neighbours = Neighbours::find(&surface, &x1, 1.0);
+        let contact = Contact { surface: &surface, neighbours: &neighbours };
+        let pairs = contact.step(&x1, &x1, &between);
+        for rub in contact.friction(&x0, &x1, &pairs, &Anchors::default(), &between) {
+            let force: Vec3 = rub.gradient.iter().sum();
+            let torque: Vec3 = (0..rub.arity).map(|a| at(&x1, rub.nodes[a]).cross(&rub.gradient[a])).sum();
+            assert!(force.norm() + torque.norm() <= 1e-13 * rub.traction.norm(), "{force:?} {torque:?}");
+            largest = largest.max(rub.traction.norm());
+        }
+    }
+    assert!(largest > 0.0);
+}
+
 #[test]
 fn slip_is_zero_where_a_pair_moves_rigidly() {
     let mut numbers = Numbers::new(22);

@@ -15,7 +15,7 @@
 
 use nalgebra::Matrix3;
 
-use super::{Axis, RollingPair};
+use super::{Axis, RollingPair, Touching};
 use crate::distance::{Vec3, at, combine};
 use crate::friction::slip::{invert, multiply};
 use crate::pairs::{Contact, Partners};
@@ -88,7 +88,7 @@ impl Contact<'_> {
     /// terms of the order of u: of the nodes of [`Contact::rolling_nodes`], then of those of [`Contact::axis_nodes`]; a node may be
     /// among both. `x` are the ends for which [`Contact::roll`] returned the pair.
     pub(crate) fn rolling_change(&self, pair: &RollingPair, x: [&[f64]; 2]) -> Option<[[Vec3; 12]; 2]> {
-        let RollingPair { partners, cell, axis, weights, .. } = *pair;
+        let RollingPair { partners, cell, middle: Touching { axis, weights, tangents }, .. } = *pair;
         let step = |node: u32| at(x[1], node) - at(x[0], node);
         let middle = |node: u32| (at(x[0], node) + at(x[1], node)) * 0.5;
         let (nodes, axis_nodes) = (self.rolling_nodes(partners, cell), self.axis_nodes(partners, cell));
@@ -138,6 +138,6 @@ impl Contact<'_> {
             }
             out
         };
-        Some(pair.tangents.map(change))
+        Some(tangents.map(change))
     }
 }

@@ -52,9 +52,18 @@ fn moved(x: &mut [f64], c: usize, skeleton: &[usize], turn: Rotation3<f64>, shif
 }
 
 fn rolling(contact: &Contact<'_>, x: [&[f64]; 2], anchors: &Anchors) -> Vec<RollingPair> {
-    let settings = StepSettings::over(1e-3);
+    rolling_over(contact, x, anchors, StepSettings::over(1e-3))
+}
+
+fn rolling_over(
+    contact: &Contact<'_>,
+    x: [&[f64]; 2],
+    anchors: &Anchors,
+    settings: StepSettings,
+) -> Vec<RollingPair> {
     let mut pressed: BTreeMap<Partners, Vec3> = BTreeMap::new();
-    for pair in contact.step(x[0], x[1], &settings) {
+    let [from, to] = settings.places(x);
+    for pair in contact.step(from, to, &settings) {
         *pressed.entry(pair.partners).or_insert_with(Vec3::zeros) += StepPair::force(&pair);
     }
     let roll = |(partners, force): (Partners, Vec3)| {
@@ -72,6 +81,29 @@ fn shaken(rest: &[f64], numbers: &mut Numbers) -> Vec<f64> {
     moved(&mut x, 1, &[0], turns[0], numbers.vector() * 0.005);
     moved(&mut x, 7, &[5, 6], turns[1], numbers.vector() * 0.001);
     x
+}
+
+/// Between equilibria, the forces have no moment in the second one.
+#[test]
+fn friction_of_round_bodies_has_no_moment_in_equilibrium() {
+    let (surface, rest) = round_bodies();
+    let neighbours = Neighbours::find(&surface, &rest, 1.0);
+    let contact = Contact { surface: &surface, neighbours: &neighbours };
+    let settings = StepSettings { duration: f64::INFINITY, acts_at_end: true, damping_at_end: 0.0 };
+    let (mut numbers, mut count) = (Numbers::new(32), 0);
+    for _ in 0..200 {
+        let ends = [(); 2].map(|()| shaken(&rest, &mut numbers));
+        let x = [ends[0].as_slice(), ends[1].as_slice()];
+        for pair in rolling_over(&contact, x, &Anchors::default(), settings) {
+            let nodes = contact.rolling_nodes(pair.partners, pair.cell);
+            let moments = nodes.iter().zip(pair.weights);
+            let moment: Vec3 =
+                moments.map(|(&node, weight)| at(x[1], node).cross(&(pair.held.traction * weight))).sum();
+            assert!(moment.norm() <= 1e-13 * pair.held.traction.norm(), "{moment:?}");
+            count += 1;
+        }
+    }
+    assert!(count > 200, "{count}");
 }
 
 /// The work of friction is T·u, and the forces have neither a resultant nor a moment, however the bodies rotate.
