@@ -152,3 +152,42 @@ density = 1000.0
     let apart = wall.replace("\"other\"", "\"other\"\nposition = [1.0, 0.0, 0.0]");
     assert!(!notes(&apart).contains("nothing can meet"));
 }
+
+/// Equilibria follow a die that is pressed into a block, by a hundred times its gap in an increment, and dragged.
+/// Nodes in its way are taken along, so that increments are not cut to the size of the gap, which took 1114 iterations.
+#[test]
+fn equilibria_follow_a_die_in_few_increments() {
+    let scene = r#"
+[time]
+end = 1.0
+step = 0.5
+[static]
+[contact]
+friction = 0.5
+self = false
+[[body]]
+name = "block"
+box = { size = [0.3, 0.3, 0.1], cells = [5, 5, 2], element = "tet4", origin = [0.0, 0.0, 0.0] }
+material = { law = "neo-hookean", young = 2e7, poisson = 0.3, density = 1000.0 }
+[[fix]]
+body = "block"
+region = "z-min"
+[[rigid]]
+name = "die"
+shape = { kind = "box", size = [0.06, 0.2, 0.12] }
+position = [0.15, 0.15, 0.165]
+motion = { kind = "translate", velocity = [0.01, 0.0, -0.015] }
+[[probe]]
+name = "die"
+between = ["block", "die"]
+sum = "contact_force"
+[output]
+ledger = true
+"#;
+    let program = Program::run(scene);
+    let history = program.history();
+    let [drag, press] = ["die.fx", "die.fz"].map(|name| history.last(name));
+    assert!(press < -1e5 && drag > 0.0 && drag <= 0.5 * press.abs(), "{drag} N, {press} N");
+    let iterations = program.report()["work"]["newton_iterations"].as_u64().unwrap();
+    assert!(iterations < 400, "{iterations} iterations");
+}

@@ -16,6 +16,7 @@ pub(crate) mod load_control;
 mod lowest_mode;
 mod newton;
 pub(crate) mod nodal_forces;
+mod obstacles;
 pub(crate) mod options;
 mod path;
 pub(crate) mod path_following;

@@ -197,7 +197,7 @@ pub enum SolverError {
         load_factor: f64,
         /// The smallest increment that was tried.
         increment: f64,
-        /// Lowest ω² of the last equilibrium, 1/s²; it is near zero at a limit point.
+        /// Lowest ω² of the last equilibrium, 1/s²; it is near zero at a limit point, and zero if it is round-off.
         lowest: Option<f64>,
         /// The last equilibrium.
         last: Box<vi_core::State>,

@@ -25,7 +25,7 @@ use crate::work::Work;
 /// r(q, t) = ∂V/∂q − f(x, 0, t), its tangent K, and a solver for K + σM.
 pub(crate) struct Balance<'a> {
     pub(crate) system: &'a System,
-    assembler: Assembler,
+    pub(super) assembler: Assembler,
     forces: Option<ForceSum>,
     sum: Option<MatrixSum>,
     linear: LinearSolver,
@@ -36,7 +36,7 @@ pub(crate) struct Balance<'a> {
     has_constant: bool,
     /// Whether a run that this one continues has made that factor. Then it is not counted again.
     was_made: bool,
-    x: Vec<f64>,
+    pub(super) x: Vec<f64>,
     t: f64,
     still: Vec<f64>,
     gradient: Vec<f64>,
@@ -44,7 +44,7 @@ pub(crate) struct Balance<'a> {
     /// K of the last factorisation that had a shift.
     unshifted: Option<SymmetricMatrix>,
     /// Diagonal of the K of the last factorisation, N/m.
-    diagonal: Vec<f64>,
+    pub(super) diagonal: Vec<f64>,
     /// Constant forces that are subtracted from the residual, N; empty for none.
     pub(crate) held: Vec<f64>,
     pub(crate) friction: Option<Friction>,
@@ -228,28 +228,6 @@ impl<'a> Balance<'a> {
         self.system.coordinates().embed_change(dq, &mut dx);
         self.go_to(q, t);
         self.assembler.largest_step(&self.x, &dx, None)
-    }
-
-    /// Checks that the terms allow the straight path from `from` to (q, t), including the prescribed coordinates.
-    ///
-    /// # Errors
-    /// Returns [`SolverError::Blocked`].
-    pub(crate) fn check_move(&mut self, from: &State, q: &[f64], t: f64) -> Result<(), SolverError> {
-        if !self.assembler.limits_steps() {
-            return Ok(());
-        }
-        let mut dx = vec![0.0; self.x.len()];
-        self.system.coordinates().embed(q, t, &mut dx);
-        self.go_to(&from.q, from.t);
-        dx.iter_mut().zip(&self.x).for_each(|(dx, x)| *dx -= x);
-        let part = self.assembler.largest_step(&self.x, &dx, None);
-        if part >= 1.0 {
-            return Ok(());
-        }
-        let end: Vec<f64> = self.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
-        let met = self.assembler.live().map(|live| live.meetings(&self.x, [&self.x, &end], 0.0).0);
-        let first = met.unwrap_or_default().into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
-        Err(SolverError::Blocked { load_factor: t, part, nodes: first.map(|meeting| meeting.nodes) })
     }
 
     /// Returns V(q, t), J; infinite outside the domain of a term.

@@ -48,6 +48,13 @@ impl Balance<'_> {
         square.sqrt() / extent
     }
 
+    /// Returns the size of an eigenvalue of M⁻¹K that is round-off, 1/s².
+    pub(super) fn round_off_of_eigenvalues(&self) -> f64 {
+        let mass = self.system.free_mass();
+        let parts = self.diagonal.iter().zip(mass).map(|(stiffness, mass)| stiffness.abs() / mass);
+        f64::EPSILON * parts.fold(0.0, f64::max)
+    }
+
     /// Checks that the forces `r` balance along every axis of space along which nothing holds a body. Bodies that may touch others
     /// pass.
     ///

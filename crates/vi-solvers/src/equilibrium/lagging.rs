@@ -38,7 +38,7 @@ pub(super) fn solve(
     let mut r = vec![0.0; q.len()];
     balance.residual(q, t, &mut r)?;
     let bond = Bond { place: q.to_vec(), shift: balance.gentle_shift(&r) };
-    let mut done = Solved { iterations: 0, stayed_definite: true };
+    let mut done = Solved { iterations: 0, stayed_definite: true, made_passes: true };
     let mut errors: Vec<f64> = Vec::new();
     for pass in 0..PASSES {
         let last = errors.last().copied().unwrap_or(1.0);
@@ -51,10 +51,11 @@ pub(super) fn solve(
         let solved = match outcome {
             // The state that the first pass reached will do.
             Err(SolverError::NoConvergence { iterations, .. }) if pass == 0 => {
-                Solved { iterations, stayed_definite: true }
+                Solved { iterations, stayed_definite: true, made_passes: true }
             }
             outcome => outcome?,
         };
+        balance.check_distance(&bond.place, q, t)?;
         stop.scale = stop.scale.max(own.scale);
         done.iterations += solved.iterations;
         done.stayed_definite &= solved.stayed_definite || pass == 0;
@@ -89,7 +90,7 @@ fn minimise(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Re
             let count = balance.work.newton_iterations;
             trust_region::minimise(balance, q, t, stop).map(|()| {
                 let iterations = (balance.work.newton_iterations - count) as u32;
-                Solved { iterations, stayed_definite: true }
+                Solved { iterations, stayed_definite: true, made_passes: false }
             })
         }
         outcome => outcome,

@@ -145,12 +145,12 @@ impl Search<'_> {
                 q.copy_from_slice(&state.q);
             }
             let mut stop = self.stop;
-            let mut result = self.solve_at(state, &mut q, t, &mut stop);
+            let mut result = self.solve_at(state, &mut q, t, !may_predict, &mut stop);
             if is_predicted && result.as_ref().is_err_and(|error| !error.is_interruption()) {
                 // The prediction may be the cause; try without it.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
-                result = self.solve_at(state, &mut q, t, &mut stop);
+                result = self.solve_at(state, &mut q, t, !may_predict, &mut stop);
             }
             let tried = (t - state.t).abs();
             let was_stable = self.report.steps.last().map_or(self.start_is_stable, |step| step.is_stable);
@@ -216,7 +216,7 @@ impl Search<'_> {
                     if !(self.watch)(state, &step) || t == end {
                         return Ok(());
                     }
-                    if iterations <= 6 {
+                    if iterations <= 6 || solved.made_passes {
                         increment *= 2.0;
                     }
                     increment = increment.abs().min(self.options.largest_increment) * span.signum();
@@ -253,17 +253,24 @@ impl Search<'_> {
         }
     }
 
-    /// Solves at load factor t with `q` as the first guess, if the terms allow the straight path from `state` to the
-    /// solution.
+    /// Solves at load factor t with `q` as the first guess, if the terms allow the straight path from `state` to it; if
+    /// `clears_way`, it is changed so that they do.
     fn solve_at(
         &mut self,
         state: &State,
         q: &mut [f64],
         t: f64,
+        clears_way: bool,
         stop: &mut Stop,
     ) -> Result<Solved, SolverError> {
         let Self { balance, constraints, .. } = self;
-        balance.check_move(state, q, t)?;
+        if let Err(blocked) = balance.check_move(state, q, t) {
+            if !clears_way {
+                return Err(blocked);
+            }
+            balance.clear_way(state, q, t);
+            balance.check_move(state, q, t)?;
+        }
         let Some(constraints) = constraints else { return rubbing::solve(balance, q, t, stop) };
         constraints.stiffen(balance, q, t)?;
         constraints.meet(q, |q| {
@@ -329,6 +336,8 @@ impl Search<'_> {
             self.balance.has_factor() && self.balance.friction.is_none() && self.balance.judges_stability();
         let lowest =
             has_eigenvalues.then(|| lowest(&mut self.balance, &state.q, t).ok()).flatten().map(|mode| mode.0);
+        let round_off = self.balance.round_off_of_eigenvalues();
+        let lowest = lowest.map(|lowest| if lowest.abs() <= round_off { 0.0 } else { lowest });
         let last = Box::new(state.clone());
         SolverError::Equilibrium { load_factor: t, increment, lowest, last, cause: Box::new(cause) }
     }

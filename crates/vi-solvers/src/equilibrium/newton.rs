@@ -59,6 +59,8 @@ pub(crate) struct Solved {
     /// Whether the tangent was positive definite at every iterate. Then the equilibrium lies on the path of the
     /// start; otherwise the body may have snapped.
     pub(crate) stayed_definite: bool,
+    /// Whether it made passes with lagged friction, whose iterations tell nothing about the curvature of the path.
+    pub(crate) made_passes: bool,
 }
 
 /// What a solve looks for.
@@ -216,12 +218,12 @@ fn iterate(
             break;
         }
         if r.iter().all(|&r| r == 0.0) {
-            return Ok(Solved { iterations: iteration - 1, stayed_definite });
+            return Ok(Solved { iterations: iteration - 1, stayed_definite, made_passes: false });
         }
         let mut is_definite = factorize_for(goal, balance, q, t)?;
         stayed_definite &= is_definite;
         if balance.is_round_off(&r) && (is_definite || goal == Goal::Equilibrium) {
-            return Ok(Solved { iterations: iteration - 1, stayed_definite });
+            return Ok(Solved { iterations: iteration - 1, stayed_definite, made_passes: false });
         }
         let accuracy = last.clamp(ACCURATE, ROUGH);
         is_definite &= correction(balance, goal, (q, t), &r, accuracy, &mut step)?;
@@ -242,9 +244,10 @@ fn iterate(
             for (q, step) in q.iter_mut().zip(&step) {
                 *q += longest * step;
             }
+            balance.check_distance(&start, q, t)?;
             balance.residual(q, t, &mut r)?;
             if is_done {
-                return Ok(Solved { iterations: iteration, stayed_definite });
+                return Ok(Solved { iterations: iteration, stayed_definite, made_passes: false });
             }
             continue;
         }

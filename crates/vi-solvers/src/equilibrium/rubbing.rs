@@ -28,8 +28,7 @@ const REACHES: f64 = 20.0;
 /// increment counts as unsupported.
 const FARTHEST: f64 = 0.1;
 
-/// Number of solves by passes with lagged friction that may fail in a search. Where nodes of one body lie exactly on edges of the other, or
-/// bodies come near by much more than their gap, errors may stay the same from pass to pass.
+/// Number of solves in succession by passes with lagged friction that may fail in a search. They take long to fail.
 const MOST_FAILED_LAGS: u32 = 3;
 
 struct Rubbing<'a, 'b> {
@@ -78,7 +77,8 @@ pub(super) fn solve(
         soft_bristles::solve_in_stages(&mut series, &attempts, failed, tolerance, most)?;
     }
     q.copy_from_slice(&series.q);
-    Ok(Solved { iterations: series.done, stayed_definite: series.stayed_definite })
+    let Rubbing { done: iterations, stayed_definite, .. } = series;
+    Ok(Solved { iterations, stayed_definite, made_passes: false })
 }
 
 impl Rubbing<'_, '_> {
@@ -95,7 +95,7 @@ impl Rubbing<'_, '_> {
         let outcome = lagging::solve(self.balance, &mut self.q, self.t, self.stop);
         if let Some(friction) = &mut self.balance.friction {
             friction.set_predicts(true);
-            friction.failed_lags += u32::from(outcome.is_err());
+            friction.failed_lags = if outcome.is_ok() { 0 } else { friction.failed_lags + 1 };
         }
         outcome.map(|solved| Some(Solved { iterations: self.done + solved.iterations, ..solved }))
     }
