@@ -97,7 +97,7 @@ impl DeadLoad {
         name: &str,
     ) -> Result<Self, FemError> {
         let mut sum = NodalSum::new(mesh);
-        let traction = spread.traction(resultant, name)?;
+        let traction = spread.traction(resultant)?;
         for point in &spread.points {
             let traction = traction(point.position);
             for &(node, value) in &point.nodes {

@@ -118,7 +118,6 @@ impl Spread {
     pub(crate) fn traction(
         &self,
         resultant: &Resultant,
-        name: &str,
     ) -> Result<impl Fn([f64; 3]) -> [f64; 3] + use<>, FemError> {
         let Resultant { force, moment, about } = *resultant;
         let arm = about.map_or([0.0; 3], |about| [0, 1, 2].map(|i| about[i] - self.centroid[i]));
@@ -137,11 +136,9 @@ impl Spread {
             if *value > NO_ARM * largest {
                 turn += axis * (along / value);
             } else if along.abs() > 1e-9 * moment.norm() {
-                let problem = format!(
-                    "'{name}': the region is a straight line or a point, about which forces on it have no moment; \
-                     choose a region with an area, or a moment normal to the line"
-                );
-                return Err(FemError::Invalid { what: "load", problem });
+                let problem = "the region is a straight line or a point, and forces on it have no moment along it; choose a region \
+                               with an area, or a moment normal to the line";
+                return Err(FemError::Invalid { what: "load", problem: problem.to_owned() });
             }
         }
         let (mean, centroid) = (force.map(|f| f / self.measure), self.centroid);
@@ -191,7 +188,7 @@ mod tests {
         let straight = Spread::of_lines(&mesh, &edge);
         assert!((straight.measure() - 1.0).abs() < 1e-15);
         let along = Resultant { force, moment: [0.0, 1.0, 0.0], about: None };
-        assert!(straight.traction(&along, "pull").err().unwrap().to_string().contains("straight line"));
+        assert!(straight.traction(&along).err().unwrap().to_string().contains("straight line"));
         mesh.points.iter_mut().for_each(|x| x[2] = 0.3 * x[1] * x[1]);
         parts.push((mesh.clone(), Spread::of_lines(&mesh, &edge)));
         for (mesh, spread) in parts {
