@@ -2,7 +2,7 @@
 
 use crate::support::particles::Particles;
 use crate::support::{Numbers, Vec3, at, body};
-use vi_contact::{Anchors, Body, Contact, Neighbours, Partners, StepSettings, SurfaceBuilder};
+use vi_contact::{Anchors, Body, Contact, Neighbours, Partners, StepSettings, Surface, SurfaceBuilder};
 use vi_core::Tube;
 
 const STEP: StepSettings = StepSettings::over(1e-3);
@@ -132,10 +132,8 @@ fn the_work_of_friction_is_dissipated_or_stored() {
     }
 }
 
-/// In an equilibrium, friction has no moment, however far its parts moved from the equilibrium before.
-#[test]
-fn friction_of_equilibria_has_no_moment() {
-    let mut numbers = Numbers::new(24);
+/// Returns a point, node 0, that touches a triangle with friction, and the positions of the nodes.
+fn point_over_triangle() -> (Surface, Vec<f64>) {
     let rest = [[0.3, 0.3, 0.05], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].concat();
     let mut builder = SurfaceBuilder::new(&rest);
     let bodies = [builder.body(body(0.1, 1e4)), builder.body(body(0.1, 1e4))];
@@ -143,6 +141,14 @@ fn friction_of_equilibria_has_no_moment() {
     builder.triangles(bodies[1], &[[1, 2, 3]]);
     builder.friction(0.3);
     let surface = builder.build().expect("a valid surface");
+    (surface, rest)
+}
+
+/// In an equilibrium, friction has no moment, however far its parts moved from the equilibrium before.
+#[test]
+fn friction_of_equilibria_has_no_moment() {
+    let mut numbers = Numbers::new(24);
+    let (surface, rest) = point_over_triangle();
     let between = StepSettings { duration: f64::INFINITY, acts_at_end: true, damping_at_end: 0.0 };
     let mut largest = 0.0_f64;
     for _ in 0..300 {
@@ -166,13 +172,7 @@ fn friction_of_equilibria_has_no_moment() {
 #[test]
 fn slip_is_zero_where_a_pair_moves_rigidly() {
     let mut numbers = Numbers::new(22);
-    let rest = [[0.3, 0.3, 0.05], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].concat();
-    let mut builder = SurfaceBuilder::new(&rest);
-    let bodies = [builder.body(body(0.1, 1e4)), builder.body(body(0.1, 1e4))];
-    builder.point(bodies[0], 0, 0.1);
-    builder.triangles(bodies[1], &[[1, 2, 3]]);
-    builder.friction(0.3);
-    let surface = builder.build().expect("a valid surface");
+    let (surface, rest) = point_over_triangle();
     let neighbours = Neighbours::find(&surface, &rest, 100.0);
     let contact = Contact { surface: &surface, neighbours: &neighbours };
     for _ in 0..300 {
