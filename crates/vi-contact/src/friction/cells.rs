@@ -1,4 +1,4 @@
-//! The cells of a body on which the slip of a point is measured.
+//! The frames that measure slip: cells of a body for its points, faces of half-spaces, and pairs of edges.
 
 use super::Anchor;
 use super::slip::{self, Slip};
@@ -22,7 +22,7 @@ const SAME_FACING: f64 = 0.1;
 
 impl Contact<'_> {
     /// Returns the frame that measures slip, and the slip. A point is measured on the cell of [`Contact::nearest_cell`]; the
-    /// cell of its anchor is kept as long as no other cell is nearer.
+    /// cell of its anchor is kept as long as no other cell is nearer, between equilibria by more than [`LIKE_DISTANCE`].
     pub(super) fn slip_of(
         &self,
         partners: Partners,

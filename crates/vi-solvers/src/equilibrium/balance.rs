@@ -36,7 +36,7 @@ pub(crate) struct Balance<'a> {
     has_constant: bool,
     /// Whether a run that this one continues has made that factor. Then it is not counted again.
     was_made: bool,
-    pub(super) x: Vec<f64>,
+    x: Vec<f64>,
     t: f64,
     still: Vec<f64>,
     gradient: Vec<f64>,

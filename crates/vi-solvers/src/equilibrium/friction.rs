@@ -39,7 +39,7 @@ pub(crate) struct Friction {
     /// The product of the model and a vector.
     product: Vec<f64>,
     pub(crate) rubbed: Rubbed,
-    /// Number of solves with lagged friction that failed.
+    /// Number of solves with lagged friction that failed since the last one that did not.
     pub(crate) failed_lags: u32,
 }
 

@@ -15,16 +15,14 @@ impl Balance<'_> {
         if !self.assembler.limits_steps() {
             return Ok(());
         }
-        let mut dx = vec![0.0; self.x.len()];
-        self.system.coordinates().embed(q, t, &mut dx);
-        self.go_to(&from.q, from.t);
-        dx.iter_mut().zip(&self.x).for_each(|(dx, x)| *dx -= x);
-        let part = self.assembler.largest_step(&self.x, &dx, None);
+        let end = self.positions(q, t);
+        let start = self.positions(&from.q, from.t);
+        let dx: Vec<f64> = end.iter().zip(&start).map(|(end, start)| end - start).collect();
+        let part = self.assembler.largest_step(&start, &dx, None);
         if part >= 1.0 {
             return Ok(());
         }
-        let end: Vec<f64> = self.x.iter().zip(&dx).map(|(x, dx)| x + dx).collect();
-        let met = self.assembler.live().map(|live| live.meetings(&self.x, [&self.x, &end], 0.0).0);
+        let met = self.assembler.live().map(|live| live.meetings(&start, [&start, &end], 0.0).0);
         let first = met.unwrap_or_default().into_iter().min_by(|a, b| a.part.total_cmp(&b.part));
         Err(SolverError::Blocked { load_factor: t, part, nodes: first.map(|meeting| meeting.nodes) })
     }
@@ -33,8 +31,7 @@ impl Balance<'_> {
     /// prescribed motion are taken along by it, and other nodes end their motion before they meet.
     pub(super) fn clear_way(&mut self, from: &State, q: &mut [f64], t: f64) {
         let coordinates = self.system.coordinates();
-        self.go_to(&from.q, from.t);
-        let start = self.x.clone();
+        let start = self.positions(&from.q, from.t);
         let Some(live) = self.assembler.live() else { return };
         let place = |delta: &[f64]| {
             let end: Vec<f64> = from.q.iter().zip(delta).map(|(q, delta)| q + delta).collect();
