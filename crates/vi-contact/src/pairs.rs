@@ -36,7 +36,7 @@ use crate::distance::at;
 use crate::surface::Surface;
 
 pub(crate) use chord::DistanceChange;
-pub(crate) use energy::{in_order, pack_rank_one};
+pub(crate) use energy::{add_square, in_order, pack_rank_one};
 pub(crate) use groups::Group;
 
 /// The two parts of a pair.

@@ -12,11 +12,14 @@
 //! traction T exerts −w_a T on node a. As Σ_a w_a x_a(x_m) = z − z = 0, the forces do the work −T·u exactly, without
 //! resultant or moment, and act at the point of contact. A step of pure rolling has no slip: by Cayley's map Δd_k = ω
 //! × d_k(x_m), so that u = Δc + ω × (z − c). Between equilibria, the force acts at the point of contact in the second one instead, along
-//! tangents there.
+//! tangents there, and on directors as [`Spread`] says.
 
 mod change;
+mod spread;
 
 use nalgebra::Matrix3;
+
+pub(crate) use spread::Spread;
 
 use super::{Anchor, Anchors, BristleStep, Bristles, Pressed, resolution};
 use crate::distance::{Closest, Shape, Vec3, at};
@@ -33,8 +36,8 @@ pub(crate) struct RollingPair {
     pub(crate) cell: u32,
     /// The contact in the middle of the step, which determines the slip.
     middle: Touching,
-    /// Weights of the point of contact for the nodes of [`Contact::rolling_nodes`]: the force on node a is −w_a T.
-    pub(crate) weights: [f64; 8],
+    /// How the nodes of [`Contact::rolling_nodes`] carry the point of contact.
+    pub(crate) spread: Spread,
     /// Slip u of the first side over the second, m.
     #[cfg_attr(not(test), expect(dead_code, reason = "tests compare it with the work"))]
     pub(crate) slip: Vec3,
@@ -210,12 +213,16 @@ impl Contact<'_> {
         let slip: Vec3 = moved.map(|(&node, &weight)| (at(x[1], node) - at(x[0], node)) * weight).sum();
         let normal = middle.axis.normal;
         let slip = slip - normal * normal.dot(&slip);
-        let (acting, slip) = if settings.is_equilibrium() {
-            let end = self.touching(partners, cell, number, &|node: u32| at(x[1], node))?;
+        let (acting, spread, slip) = if settings.is_equilibrium() {
+            let place = |node: u32| at(x[1], node);
+            let end = self.touching(partners, cell, number, &place)?;
             let [first, second] = middle.tangents.map(|tangent| tangent.dot(&slip));
-            (end, end.tangents[0] * first + end.tangents[1] * second)
+            let slip = end.tangents[0] * first + end.tangents[1] * second;
+            let frames = self.surface.bodies_of(partners).map(|body| self.surface.frames[body as usize]);
+            let directors = frames.map(|frame| frame.map(|[_, directors @ ..]| directors.map(place)));
+            (end, Spread::of_turning_bodies(end.weights, directors)?, slip)
         } else {
-            (middle, slip)
+            (middle, Spread::of_material_points(middle.weights), slip)
         };
         let Touching { weights, tangents, .. } = acting;
         let stiffness = self.surface.bristle_stiffness(partners)?;
@@ -238,7 +245,7 @@ impl Contact<'_> {
             partners,
             cell,
             middle,
-            weights,
+            spread,
             slip,
             tangents,
             held,

@@ -167,6 +167,15 @@ pub(crate) fn pack_rank_one(k: f64, c: &[f64], normal: Vec3, size: usize, out: &
     }
 }
 
+/// Adds k g gᵀ to a packed lower triangle, with the covectors g of nodes.
+pub(crate) fn add_square(k: f64, g: &[Vec3], out: &mut [f64]) {
+    let value = |i: usize| g[i / 3][i % 3];
+    for (i, row) in rows(3 * g.len(), out) {
+        let left = k * value(i);
+        row.iter_mut().enumerate().for_each(|(j, entry)| *entry += left * value(j));
+    }
+}
+
 /// Returns the rows of a packed lower triangle with their numbers.
 fn rows(size: usize, mut packed: &mut [f64]) -> impl Iterator<Item = (usize, &mut [f64])> {
     (0..size).map(move |i| {

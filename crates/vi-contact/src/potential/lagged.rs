@@ -18,7 +18,7 @@ use super::ContactPotential;
 use super::acting::pressing;
 use crate::distance::{Vec3, at};
 use crate::friction::{Cone, Pressed, Step};
-use crate::pairs::Partners;
+use crate::pairs::{Partners, add_square};
 
 /// The friction of a pair of N nodes.
 #[derive(Debug, Clone)]
@@ -160,11 +160,7 @@ impl<const N: usize> Potential for LaggedFriction<N> {
             out.fill(0.0);
             for [a, b] in directions {
                 let covector: [Vec3; N] = std::array::from_fn(|node| first[node] * a + second[node] * b);
-                let value = |k: usize| covector[k / 3][k % 3];
-                for i in 0..3 * N {
-                    let row = &mut out[packed_len(i)..packed_len(i + 1)];
-                    row.iter_mut().enumerate().for_each(|(j, out)| *out += stiffness * value(i) * value(j));
-                }
+                add_square(stiffness, &covector, out);
             }
         }
     }

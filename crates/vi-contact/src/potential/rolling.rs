@@ -16,7 +16,7 @@ use super::lagged::LaggedFriction;
 use super::{ContactPotential, ContactTerm};
 use crate::distance::{Vec3, at};
 use crate::friction::{Pressed, RollingPair, Step};
-use crate::pairs::{Group, Partners, StepPair, pack_rank_one};
+use crate::pairs::{Group, Partners, StepPair, add_square};
 
 /// Number of nodes of a stencil, and size of its gradient.
 const ARITY: usize = 8;
@@ -119,13 +119,12 @@ impl RollingPotential {
         let rolling = contact.roll(partners, pressed, x, &step.anchors, &step.settings);
         let (Some(pair), Some(law)) = (rolling, contact.law_of(partners)) else { return };
         let nodes = contact.rolling_nodes(partners, pair.cell);
-        let spread = |vector: Vec3| pair.weights.map(|weight| vector * weight);
-        let gradient = spread(pair.held.traction);
+        let gradient = pair.spread.of(pair.held.traction);
         out.add_friction(
             pair.held.rubbing(partners),
             nodes.into_iter().zip(gradient.map(|vector| vector.into())),
         );
-        let along = pair.tangents.map(spread);
+        let along = pair.tangents.map(|tangent| pair.spread.of(tangent));
         let axis_nodes = contact.axis_nodes(partners, pair.cell);
         let Some(change) = contact.rolling_change(&pair, x) else { return };
         let sliding = Sliding {
@@ -234,7 +233,7 @@ impl Potential for RollingPotential {
         let contact = self.contact.contact();
         let friction = |step: &Step, partners: Partners, pressed: Pressed<'_>| {
             let pair = contact.roll(partners, pressed, places, &step.anchors, &step.settings)?;
-            let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
+            let along = pair.tangents.map(|tangent| pair.spread.of(tangent));
             Some((contact.rolling_nodes(pair.partners, pair.cell), along, pair.held.cone))
         };
         LaggedFriction::over_step(&self.contact, (span, memory), places[1], acting, friction)
@@ -251,8 +250,7 @@ impl DiscreteGradient for RollingPotential {
         let first = range.start;
         self.for_each(range, [start, end], |stencil, pair| {
             let out = &mut out[(stencil - first) * SIZE..(stencil - first + 1) * SIZE];
-            for (out, weight) in out.chunks_exact_mut(3).zip(pair.weights) {
-                let gradient = pair.held.traction * weight;
+            for (out, gradient) in out.chunks_exact_mut(3).zip(pair.spread.of(pair.held.traction)) {
                 (0..3).for_each(|k| out[k] += gradient[k]);
             }
         });
@@ -264,10 +262,8 @@ impl DiscreteGradient for RollingPotential {
         let first = range.start;
         self.for_each(range, [start, end], |stencil, pair| {
             let out = &mut out[(stencil - first) * PACKED..(stencil - first + 1) * PACKED];
-            let mut block = [0.0; PACKED];
             for tangent in pair.tangents {
-                pack_rank_one(pair.held.stiffness, &pair.weights, tangent, SIZE, &mut block);
-                out.iter_mut().zip(&block).for_each(|(out, entry)| *out += entry);
+                add_square(pair.held.stiffness, &pair.spread.of(tangent), out);
             }
         });
     }
@@ -290,7 +286,7 @@ impl DiscreteGradient for RollingPotential {
         let (Some(step), contact) = (&self.step, self.contact.contact()) else { return };
         self.for_each(0..self.candidates.len(), [x, x], |stencil, pair| {
             let Some(law) = contact.law_of(pair.partners) else { return };
-            let along = pair.tangents.map(|tangent| pair.weights.map(|weight| tangent * weight));
+            let along = pair.tangents.map(|tangent| pair.spread.of(tangent));
             let bristle = EndBristle {
                 partners: pair.partners,
                 bodies: self.contact.surface().bodies_of(pair.partners),
@@ -312,8 +308,8 @@ impl DiscreteGradient for RollingPotential {
         self.for_each(0..self.candidates.len(), [start, end], |stencil, pair| {
             book.push_force(surface.bodies_of(pair.partners), -pair.held.traction);
             let nodes = &self.nodes[ARITY * stencil..ARITY * (stencil + 1)];
-            for (&node, weight) in nodes.iter().zip(pair.weights) {
-                book.push_work(weight * pair.held.traction.dot(&(at(end, node) - at(start, node))));
+            for (&node, gradient) in nodes.iter().zip(pair.spread.of(pair.held.traction)) {
+                book.push_work(gradient.dot(&(at(end, node) - at(start, node))));
             }
             book.push_anchor(pair.anchor);
         });

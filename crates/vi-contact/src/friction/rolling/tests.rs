@@ -96,9 +96,8 @@ fn friction_of_round_bodies_has_no_moment_in_equilibrium() {
         let x = [ends[0].as_slice(), ends[1].as_slice()];
         for pair in rolling_over(&contact, x, &Anchors::default(), settings) {
             let nodes = contact.rolling_nodes(pair.partners, pair.cell);
-            let moments = nodes.iter().zip(pair.weights);
-            let moment: Vec3 =
-                moments.map(|(&node, weight)| at(x[1], node).cross(&(pair.held.traction * weight))).sum();
+            let forces = nodes.iter().zip(pair.spread.of(pair.held.traction));
+            let moment: Vec3 = forces.map(|(&node, force)| at(x[1], node).cross(&force)).sum();
             assert!(moment.norm() <= 1e-13 * pair.held.traction.norm(), "{moment:?}");
             count += 1;
         }
@@ -120,8 +119,7 @@ fn friction_of_round_bodies_keeps_both_momenta() {
         for pair in &pairs {
             let nodes = contact.rolling_nodes(pair.partners, pair.cell);
             let (mut work, mut force, mut torque) = (0.0, Vec3::zeros(), Vec3::zeros());
-            for (&node, weight) in nodes.iter().zip(pair.weights) {
-                let gradient = pair.held.traction * weight;
+            for (&node, gradient) in nodes.iter().zip(pair.spread.of(pair.held.traction)) {
                 work += gradient.dot(&(at(x[1], node) - at(x[0], node)));
                 torque += ((at(x[0], node) + at(x[1], node)) * 0.5).cross(&gradient);
                 // Directors are differences of positions: only points c and the nodes of triangles carry a
