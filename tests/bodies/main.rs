@@ -5,6 +5,7 @@ mod consistent_mass;
 mod contact;
 mod contact_adaptive;
 mod contact_at_end;
+mod contact_balls;
 mod contact_bounces;
 mod contact_cases;
 mod contact_conformance;

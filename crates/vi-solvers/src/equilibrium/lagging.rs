@@ -3,6 +3,9 @@
 //!
 //! In the first pass, a bond to the start replaces the friction that bodies which do not touch yet will have: ½ σ |q − q̂|² in the norm
 //! of mass, with the gentle shift. Otherwise bodies that only friction holds would slide away.
+//!
+//! The rotation of a ball that slides at all its contacts has hardly any stiffness, so that passes converge slowly. Newton's method with the friction
+//! of each iterate then goes on from the place that they reached.
 
 use crate::equilibrium::balance::Balance;
 use crate::equilibrium::bond::Bond;
@@ -22,10 +25,20 @@ const FRACTION: f64 = 0.01;
 const ROUGHEST: f64 = 1e-4;
 /// Below this relative error, passes that do not improve it have reached round-off.
 const ROUND_OFF_BELOW: f64 = 1e-5;
+/// Relative error below which Newton's method may go on where passes converge slowly.
+const CLOSE: f64 = 0.1;
 /// Relative accuracy of errors by conjugate gradients, in the energy norm.
 const ACCURACY: f64 = 1e-3;
 
-/// Goes from `q` to an equilibrium with friction at t. Overwrites `q` even if it fails.
+/// How far passes went.
+pub(super) enum Reached {
+    /// To an equilibrium.
+    Equilibrium(Solved),
+    /// Close to an equilibrium, to which they converge slowly.
+    Neighbourhood(Solved),
+}
+
+/// Goes from `q` to an equilibrium with friction at t, or close to it. Overwrites `q` even if it fails.
 ///
 /// # Errors
 /// Returns [`SolverError::NoConvergence`] if the passes do not converge, or the error of a pass.
@@ -34,7 +47,7 @@ pub(super) fn solve(
     q: &mut [f64],
     t: f64,
     stop: &mut Stop,
-) -> Result<Solved, SolverError> {
+) -> Result<Reached, SolverError> {
     let mut r = vec![0.0; q.len()];
     balance.residual(q, t, &mut r)?;
     let bond = Bond { place: q.to_vec(), shift: balance.gentle_shift(&r) };
@@ -65,7 +78,7 @@ pub(super) fn solve(
         let error = stop.relative(vectors::dot(&correction, &r).abs());
         let is_round_off = balance.is_round_off(&r) || (error < ROUND_OFF_BELOW && error > GAIN * last);
         if pass > 0 && (error <= stop.tolerance || is_round_off) {
-            return Ok(done);
+            return Ok(Reached::Equilibrium(done));
         }
         errors.push(error);
         let before = errors.len().checked_sub(1 + PATIENCE);
@@ -74,6 +87,9 @@ pub(super) fn solve(
         }
     }
     let residual = errors.last().copied().unwrap_or(1.0);
+    if residual < CLOSE {
+        return Ok(Reached::Neighbourhood(done));
+    }
     Err(SolverError::NoConvergence { iterations: done.iterations, residual, tolerance: stop.tolerance })
 }
 

@@ -3,7 +3,7 @@
 //! decrease could guide a line search. `soft_bristles` finds which pairs stick and which slide.
 
 use crate::equilibrium::balance::Balance;
-use crate::equilibrium::lagging;
+use crate::equilibrium::lagging::{self, Reached};
 use crate::equilibrium::newton::{self, Solved, Stop, factorize_definite};
 use crate::equilibrium::tangent_solver::Demand;
 use crate::error::SolverError;
@@ -63,7 +63,7 @@ pub(super) fn solve(
         }
         // The first corrections of the series that failed may be far too long.
         let scale_of_series = std::mem::replace(&mut series.stop.scale, scale);
-        match series.lag() {
+        match series.lag(tolerance) {
             Ok(Some(solved)) => {
                 q.copy_from_slice(&series.q);
                 return Ok(solved);
@@ -84,7 +84,7 @@ pub(super) fn solve(
 impl Rubbing<'_, '_> {
     /// Solves the equations by passes with lagged friction. Returns `None` if other forces have no potential, or if passes have failed too
     /// often.
-    fn lag(&mut self) -> Result<Option<Solved>, SolverError> {
+    fn lag(&mut self, tolerance: f64) -> Result<Option<Solved>, SolverError> {
         let only_friction_dissipates = self.balance.only_friction_dissipates();
         let Some(friction) = self.balance.friction.as_mut() else { return Ok(None) };
         if !only_friction_dissipates || friction.failed_lags >= MOST_FAILED_LAGS {
@@ -92,12 +92,33 @@ impl Rubbing<'_, '_> {
         }
         friction.set_predicts(false);
         self.q.copy_from_slice(&self.start);
-        let outcome = lagging::solve(self.balance, &mut self.q, self.t, self.stop);
+        let passes = lagging::solve(self.balance, &mut self.q, self.t, self.stop);
         if let Some(friction) = &mut self.balance.friction {
             friction.set_predicts(true);
+        }
+        let outcome = match passes {
+            Ok(Reached::Equilibrium(solved)) => Ok(solved),
+            Ok(Reached::Neighbourhood(solved)) => self.polish(solved, tolerance),
+            Err(error) => Err(error),
+        };
+        if let Some(friction) = &mut self.balance.friction {
             friction.failed_lags = if outcome.is_ok() { 0 } else { friction.failed_lags + 1 };
         }
         outcome.map(|solved| Some(Solved { iterations: self.done + solved.iterations, ..solved }))
+    }
+
+    /// Goes on from the place that passes with lagged friction have reached, with the friction of each iterate.
+    fn polish(&mut self, passes: Solved, tolerance: f64) -> Result<Solved, SolverError> {
+        if let Some(friction) = &mut self.balance.friction {
+            friction.restart();
+        }
+        self.iterate(Aim {
+            tolerance,
+            most: soft_bristles::PLAIN_ITERATIONS,
+            stiffness: 1.0,
+            is_uniform: false,
+        })?;
+        Ok(passes)
     }
 
     /// Returns δ = −J⁻¹r and the energies −δᵀr of it and of −A⁻¹r, J.

@@ -17,7 +17,7 @@ use crate::newton::start::Start;
 
 /// Largest number of iterations of a plain attempt. Those that converge need two to eight, and more if paths cut
 /// corrections short.
-const PLAIN_ITERATIONS: u32 = 30;
+pub(crate) const PLAIN_ITERATIONS: u32 = 30;
 /// The stiffness of bristles in the first stage of the second attempt and of later ones, and the ratio of that of a stage to
 /// the one before it; after a failed stage the ratio is smaller.
 const SOFT: f64 = 1e-2;
