@@ -1,8 +1,8 @@
 //! A way to equilibria with friction: passes with lagged friction. In each pass, the normal forces and the directions of slip are those of
 //! the pass before, so that friction has a potential and every correction can be judged by the decrease of V.
 //!
-//! In the first pass, a bond to the start replaces the friction that bodies which do not touch yet will have: ½ σ |q − q̂|² in the norm
-//! of mass, with the gentle shift. Otherwise bodies that only friction holds would slide away.
+//! Before the first pass, bodies that do not touch yet approach each other in hops of a quarter of their extent. In each hop, a bond to its start
+//! replaces the friction that they will have, ½ σ |q − q̂|² in the norm of mass. Otherwise bodies that only friction holds would slide away.
 //!
 //! The rotation of a ball that slides at all its contacts has hardly any stiffness, so that passes converge slowly. Newton's method with the friction
 //! of each iterate then goes on from the place that they reached.
@@ -23,6 +23,13 @@ const GAIN: f64 = 0.5;
 /// Relative error of a pass as a fraction of that of the pass before, and its bound.
 const FRACTION: f64 = 0.01;
 const ROUGHEST: f64 = 1e-4;
+/// Length of a hop as a fraction of the extent of the bodies, and the largest number of hops. Of 200 scenes of `stress --equilibria`, 19 end without
+/// an equilibrium in 60 s with one hop of the whole extent. With 1/4 and 1/8, 6 and 5 do in 40 s; the others take 30 740 and 35 680 iterations.
+const HOP: f64 = 0.25;
+const HOPS: usize = 16;
+/// Relative error of a pass that need not be repeated although it did not converge: where many pairs turn between sticking and sliding, a
+/// descent may end at an error of 1e-4.
+const NEARLY: f64 = 1e-2;
 /// Below this relative error, passes that do not improve it have reached round-off.
 const ROUND_OFF_BELOW: f64 = 1e-5;
 /// Relative error below which Newton's method may go on where passes converge slowly.
@@ -48,36 +55,29 @@ pub(super) fn solve(
     t: f64,
     stop: &mut Stop,
 ) -> Result<Reached, SolverError> {
+    let start = q.to_vec();
+    let iterations = approach(balance, q, t, stop)?;
+    let mut done = Solved { iterations, stayed_definite: true, made_passes: true };
     let mut r = vec![0.0; q.len()];
-    balance.residual(q, t, &mut r)?;
-    let bond = Bond { place: q.to_vec(), shift: balance.gentle_shift(&r) };
-    let mut done = Solved { iterations: 0, stayed_definite: true, made_passes: true };
-    let mut errors: Vec<f64> = Vec::new();
-    for pass in 0..PASSES {
+    let mut errors = vec![error(balance, (q, t), stop, &mut r)?];
+    for _ in 0..PASSES {
         let last = errors.last().copied().unwrap_or(1.0);
-        let roughest = if pass == 0 { FRACTION } else { ROUGHEST };
-        let tolerance = (FRACTION * last).min(roughest).max(0.1 * stop.tolerance);
+        let tolerance = (FRACTION * last).min(ROUGHEST).max(0.1 * stop.tolerance);
         let mut own = Stop { tolerance, ..*stop };
-        balance.bond = (pass == 0).then(|| bond.clone());
-        let outcome = minimise(balance, q, t, &mut own);
-        balance.bond = None;
-        let solved = match outcome {
-            // The state that the first pass reached will do.
-            Err(SolverError::NoConvergence { iterations, .. }) if pass == 0 => {
+        let solved = match minimise(balance, q, t, &mut own) {
+            // A state that is nearly the minimum will do.
+            Err(SolverError::NoConvergence { iterations, residual, .. }) if residual < NEARLY => {
                 Solved { iterations, stayed_definite: true, made_passes: true }
             }
             outcome => outcome?,
         };
-        balance.check_distance(&bond.place, q, t)?;
+        balance.check_distance(&start, q, t)?;
         stop.scale = stop.scale.max(own.scale);
         done.iterations += solved.iterations;
-        done.stayed_definite &= solved.stayed_definite || pass == 0;
-        balance.residual(q, t, &mut r)?;
-        let mut correction = r.clone();
-        balance.solve(&mut correction, ACCURACY)?;
-        let error = stop.relative(vectors::dot(&correction, &r).abs());
+        done.stayed_definite &= solved.stayed_definite;
+        let error = error(balance, (q, t), stop, &mut r)?;
         let is_round_off = balance.is_round_off(&r) || (error < ROUND_OFF_BELOW && error > GAIN * last);
-        if pass > 0 && (error <= stop.tolerance || is_round_off) {
+        if error <= stop.tolerance || is_round_off {
             return Ok(Reached::Equilibrium(done));
         }
         errors.push(error);
@@ -91,6 +91,49 @@ pub(super) fn solve(
         return Ok(Reached::Neighbourhood(done));
     }
     Err(SolverError::NoConvergence { iterations: done.iterations, residual, tolerance: stop.tolerance })
+}
+
+/// Goes from `q` to a place where bodies touch, in hops, each of which minimises V with a bond to the place before it. Returns the number
+/// of iterations.
+fn approach(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Result<u32, SolverError> {
+    let start = q.to_vec();
+    let mut r = vec![0.0; q.len()];
+    balance.residual(q, t, &mut r)?;
+    // The extent is that at the place of the last evaluation.
+    let (extent, shift) = (balance.extent(), balance.gentle_shift(&r) / HOP);
+    let mut done = 0;
+    for _ in 0..HOPS {
+        let place = q.to_vec();
+        let mut own = Stop { tolerance: FRACTION, ..*stop };
+        balance.bond = Some(Bond { place: place.clone(), shift });
+        let outcome = minimise(balance, q, t, &mut own);
+        balance.bond = None;
+        done += match outcome {
+            Ok(solved) => solved.iterations,
+            // The place that a hop reached will do.
+            Err(SolverError::NoConvergence { iterations, .. }) => iterations,
+            Err(error) => return Err(error),
+        };
+        stop.scale = stop.scale.max(own.scale);
+        balance.check_distance(&start, q, t)?;
+        if vectors::max_abs(q.len(), |k| q[k] - place[k]) < 0.5 * HOP * extent {
+            break;
+        }
+    }
+    Ok(done)
+}
+
+/// Returns the relative error of a place, by the last tangent, and writes its residual to `r`.
+fn error(
+    balance: &mut Balance,
+    (q, t): (&[f64], f64),
+    stop: &Stop,
+    r: &mut [f64],
+) -> Result<f64, SolverError> {
+    balance.residual(q, t, r)?;
+    let mut correction = r.to_vec();
+    balance.solve(&mut correction, ACCURACY)?;
+    Ok(stop.relative(vectors::dot(&correction, r).abs()))
 }
 
 /// Minimises V with the friction that is lagged at `q`.
