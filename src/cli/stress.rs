@@ -8,7 +8,7 @@ use clap::Args;
 use super::exit;
 use super::say::{self, Say, message};
 use super::signals::Stop;
-use crate::study::stress::{Case, Outcome, StressOptions, StressWatch, stress, write_scenes};
+use crate::study::stress::{Case, Outcome, Scenes, StressOptions, StressWatch, stress, write_scenes};
 
 #[derive(Debug, Args)]
 pub(super) struct StressArguments {
@@ -24,6 +24,9 @@ pub(super) struct StressArguments {
     /// Scenes in which bodies meet, judged by exact predicates after every step
     #[arg(long)]
     contact: bool,
+    /// Scenes in which bodies meet and come to rest (`[static]`), judged in the same way
+    #[arg(long, conflicts_with = "contact")]
+    equilibria: bool,
     /// Number of scenes that run at the same time (default: one per core)
     #[arg(long)]
     jobs: Option<usize>,
@@ -47,11 +50,16 @@ pub(super) fn run(arguments: &StressArguments) -> u8 {
     let limit = Duration::try_from_secs_f64(arguments.limit).unwrap_or(Duration::from_secs(10));
     let jobs = arguments.jobs.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
     let keep = arguments.keep.clone();
+    let scenes = match arguments {
+        StressArguments { contact: true, .. } => Scenes::Contact,
+        StressArguments { equilibria: true, .. } => Scenes::Equilibria,
+        _ => Scenes::OneBody,
+    };
     let options = StressOptions {
         first: arguments.first,
         count: arguments.count,
         seed: arguments.seed,
-        contact: arguments.contact,
+        scenes,
         jobs,
         limit,
         keep,

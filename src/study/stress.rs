@@ -2,7 +2,9 @@
 //! end in one of two ways: completed with its invariants within their bounds, or with a named error and an intact
 //! state.
 
+mod equilibria;
 mod judge;
+mod kinds;
 mod meetings;
 mod random;
 mod transform;
@@ -18,17 +20,30 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+pub use equilibria::resting;
 use judge::Clock;
 pub use judge::Outcome;
+pub use kinds::Violence;
 pub use meetings::meeting;
 pub use transform::Transform;
-pub use violence::{Case, CaseError, Violence, case};
+pub use violence::{Case, CaseError, case};
 
 use crate::run::provenance::Provenance;
 use crate::scene::Scene;
 
 /// Interval at which a running scene is checked for an interruption.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// What happens in the scenes of a stress test.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Scenes {
+    /// Each acts violently on one body.
+    OneBody,
+    /// Bodies meet in motion.
+    Contact,
+    /// Bodies meet and come to rest.
+    Equilibria,
+}
 
 /// Options of a stress test.
 #[derive(Debug, Clone)]
@@ -39,11 +54,12 @@ pub struct StressOptions {
     pub count: u64,
     /// Seed of the scenes.
     pub seed: u64,
-    /// Whether bodies meet in the scenes; otherwise each scene acts violently on one body.
-    pub contact: bool,
+    /// What happens in the scenes.
+    pub scenes: Scenes,
     /// Number of scenes that run at the same time.
     pub jobs: usize,
-    /// Time limit of a scene, after which it ends with its current step. At ten times this limit it counts as hung.
+    /// Time limit of a scene, after which it ends with its current step, or within it if that is a search for an equilibrium. At ten times
+    /// this limit it counts as hung.
     pub limit: Duration,
     /// Directory for the scenes with forbidden outcomes.
     pub keep: PathBuf,
@@ -227,9 +243,10 @@ pub fn stress(options: &StressOptions, watch: &dyn StressWatch) -> StressReport 
 
 /// Returns case `index` of the kind that the options request.
 fn of_kind(options: &StressOptions, index: u64, directory: &Path) -> Result<Case, CaseError> {
-    match options.contact {
-        true => meetings::meeting(options.seed, index),
-        false => case(options.seed, index, directory),
+    match options.scenes {
+        Scenes::OneBody => case(options.seed, index, directory),
+        Scenes::Contact => meeting(options.seed, index),
+        Scenes::Equilibria => resting(options.seed, index),
     }
 }
 
@@ -250,6 +267,8 @@ fn trial(options: &StressOptions, index: u64, watch: &dyn StressWatch) -> Result
 /// Judges a case in a separate thread, so that a hang is detected.
 fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> Outcome {
     let (sender, receiver) = mpsc::channel();
+    // A search for an equilibrium is one step, and its last increments take the longest.
+    let is_static = case.scene.statics.is_some();
     let (case, out) = (case.clone(), out.to_owned());
     let is_ended = Arc::new(AtomicBool::new(false));
     let clock = Clock { limit, is_ended: Arc::clone(&is_ended) };
@@ -264,7 +283,8 @@ fn timed(case: &Case, out: &Path, limit: Duration, watch: &dyn StressWatch) -> O
     });
     let begin = Instant::now();
     while begin.elapsed() < 10 * limit {
-        is_ended.store(!watch.go_on(), Ordering::Relaxed);
+        let is_late = is_static && begin.elapsed() > limit;
+        is_ended.store(is_late || !watch.go_on(), Ordering::Relaxed);
         match receiver.recv_timeout(LOOK) {
             Ok(outcome) => return outcome,
             Err(RecvTimeoutError::Timeout) => {}

@@ -6,15 +6,22 @@ use std::time::Duration;
 
 use variational::prelude::*;
 use variational::run::run;
-use variational::study::stress::{StressOptions, Violence, case, meeting, stress};
+use variational::study::stress::{Scenes, StressOptions, Violence, case, meeting, resting, stress};
 
 /// Runs 300 scenes; `variational stress --count 10000` is the long form (docs/robustness.md).
 #[test]
 fn violent_scenes_end_well_or_fail_by_name() {
     let keep = std::env::temp_dir().join("variational-stress-failures");
     let limit = Duration::from_secs(10);
-    let options =
-        StressOptions { first: 0, count: 300, seed: 300, contact: false, jobs: 2, limit, keep: keep.clone() };
+    let options = StressOptions {
+        first: 0,
+        count: 300,
+        seed: 300,
+        scenes: Scenes::OneBody,
+        jobs: 2,
+        limit,
+        keep: keep.clone(),
+    };
     let report = stress(&options, &());
     let total = report.total();
     assert!(report.forbidden.is_empty(), "{:#?}, kept in {}", report.forbidden, keep.display());
@@ -42,6 +49,21 @@ fn bodies_that_meet_violently_never_cross() {
         done += usize::from(simulation.is_done() || simulation.steps() >= 20);
     }
     assert!(done >= 3, "{done} of 6 scenes end well");
+}
+
+/// Bodies that begin apart come to rest on each other with friction, and no surface crosses. Each of these scenes found no equilibrium before its
+/// bodies approached in hops: a ball, a block on a slope, and a pile.
+#[test]
+fn bodies_that_begin_apart_come_to_rest() {
+    for index in [28, 37, 48] {
+        let case = resting(1, index).unwrap();
+        let mut simulation = Simulation::new(case.scene).unwrap();
+        while !simulation.is_done() {
+            simulation.step().unwrap_or_else(|error| panic!("scene {index}: {error}"));
+            let (crossings, pairs) = simulation.crossings();
+            assert_eq!(crossings, 0, "scene {index}, step {}: {pairs:?}", simulation.steps());
+        }
+    }
 }
 
 /// Impacts over many times the layer in one step: a moved ball and walls that crumple a sheet, by explicit schemes, and a needle

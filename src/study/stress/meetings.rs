@@ -3,8 +3,9 @@
 
 use serde_json::{Value, json};
 
+use super::kinds::Violence;
 use super::random::Random;
-use super::violence::{Case, CaseError, Violence};
+use super::violence::{Case, CaseError};
 use crate::scene::Scene;
 
 /// Schemes that support contact. Some occur twice, to be drawn more often.
@@ -117,7 +118,7 @@ impl Matter {
     }
 }
 
-fn held(mut rigid: Value) -> Value {
+pub(super) fn held(mut rigid: Value) -> Value {
     if let Some(keys) = rigid.as_object_mut() {
         keys.remove("density");
         keys.insert("fixed".to_owned(), json!(true));
@@ -125,17 +126,17 @@ fn held(mut rigid: Value) -> Value {
     rigid
 }
 
-fn with(mut value: Value, key: &str, entry: Value) -> Value {
+pub(super) fn with(mut value: Value, key: &str, entry: Value) -> Value {
     value[key] = entry;
     value
 }
 
-fn floor() -> Value {
+pub(super) fn floor() -> Value {
     json!({ "name": "floor", "shape": { "kind": "plane", "normal": [0.0, 0.0, 1.0] }, "fixed": true })
 }
 
 /// Draws a shape with a diameter of about `size`.
-fn shape(random: &mut Random, size: f64) -> Value {
+pub(super) fn shape(random: &mut Random, size: f64) -> Value {
     match random.below(4) {
         0 => json!({ "kind": "sphere", "radius": 0.5 * size }),
         1 => json!({ "kind": "capsule", "length": 0.5 * size, "radius": 0.2 * size }),
