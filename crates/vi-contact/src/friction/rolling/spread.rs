@@ -57,7 +57,7 @@ impl Spread {
             let (Some(Turning { directors, inverse }), [_, on_directors @ ..]) = (turning, out) else {
                 continue;
             };
-            let columns = || directors.column_iter().map(|director| Vec3::from(director));
+            let columns = || directors.column_iter().map(Vec3::from);
             let moment: Vec3 = columns().zip(&*on_directors).map(|(director, own)| director.cross(own)).sum();
             let turn = inverse * moment;
             on_directors.iter_mut().zip(columns()).for_each(|(out, director)| *out = turn.cross(&director));
