@@ -30,7 +30,7 @@ pub(super) struct StressArguments {
     /// Number of scenes that run at the same time (default: one per core)
     #[arg(long)]
     jobs: Option<usize>,
-    /// Time limit of a scene, s, after which it ends with its current step; at ten times this limit it counts as hung
+    /// Time limit of a scene, s, after which it ends with its current step, or at once if it searches for an equilibrium; at ten times this limit it counts as hung
     #[arg(long, default_value_t = 10.0)]
     limit: f64,
     /// Directory for the scenes with forbidden outcomes

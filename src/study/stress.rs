@@ -2,6 +2,7 @@
 //! end in one of two ways: completed with its invariants within their bounds, or with a named error and an intact
 //! state.
 
+mod entries;
 mod equilibria;
 mod judge;
 mod kinds;
@@ -351,4 +352,20 @@ fn write(case: &Case, title: &str, directory: &Path) -> std::io::Result<()> {
     scene.title = title.replace('\n', " ");
     let text = scene.to_toml().map_err(std::io::Error::other)?;
     std::fs::write(directory.join(format!("scene-{}.toml", case.index)), text)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_scene_in_which_bodies_meet_is_sound() {
+        for generate in [meeting, resting] {
+            for index in 0..200 {
+                let case = generate(3, index).unwrap();
+                let problems = case.scene.problems();
+                assert!(problems.is_empty(), "scene {index}, {:?}: {problems:?}", case.violence);
+            }
+        }
+    }
 }

@@ -5,9 +5,9 @@ use crate::program::Program;
 const COMMON: &str = "gravity = [0.0, 0.0, -9.81]\n[time]\nend = 1.0\nstep = 1.0\n[static]\n";
 
 /// Returns a box of stable-neo-Hookean material that is held at its lower side.
-fn block(name: &str, size: &str, cells: &str, origin: &str, young: &str) -> String {
+fn block(name: &str, element: &str, size: &str, cells: &str, origin: &str, young: &str) -> String {
     format!(
-        "[[body]]\nname = \"{name}\"\nbox = {{ size = {size}, cells = {cells}, element = \"hex8\", origin = {origin} }}\n\
+        "[[body]]\nname = \"{name}\"\nbox = {{ size = {size}, cells = {cells}, element = \"{element}\", origin = {origin} }}\n\
          material = {{ law = \"stable-neo-hookean\", young = {young}, poisson = 0.3, density = 1000.0 }}\n\
          [[fix]]\nbody = \"{name}\"\nregion = \"z-min\"\n"
     )
@@ -25,13 +25,14 @@ fn ball(radius: &str, position: &str, mass: &str) -> String {
 #[test]
 fn balls_with_friction_come_to_rest() {
     let falls = [
-        block("slab", "[0.3, 0.3, 0.1]", "[8, 8, 2]", "[0.0, 0.0, 0.0]", "8.6e5"),
+        block("slab", "hex8", "[0.3, 0.3, 0.1]", "[8, 8, 2]", "[0.0, 0.0, 0.0]", "8.6e5"),
         ball("0.05", "[0.15, 0.15, 0.21]", "2.0"),
     ];
     let corners = ["[0.0, 0.0, 0.0]", "[0.146, 0.0, 0.0]", "[0.0, 0.146, 0.0]", "[0.146, 0.146, 0.0]"];
-    let pocket = corners.iter().enumerate().map(|(k, origin)| {
-        block(&format!("b{k}"), "[0.1, 0.1, 0.1]", "[2, 2, 2]", origin, "6.8e4").replace("hex8", "tet4")
-    });
+    let pocket = corners
+        .iter()
+        .enumerate()
+        .map(|(k, origin)| block(&format!("b{k}"), "tet4", "[0.1, 0.1, 0.1]", "[2, 2, 2]", origin, "6.8e4"));
     let pocket: Vec<String> = pocket.chain([ball("0.14", "[0.123, 0.123, 0.241]", "1.3")]).collect();
     let slab = ["slab".to_owned()];
     let blocks = [0, 1, 2, 3].map(|k| format!("b{k}"));

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use variational::prelude::*;
 use variational::run::run;
-use variational::study::stress::{Scenes, StressOptions, Violence, case, meeting, resting, stress};
+use variational::study::stress::{Case, Scenes, StressOptions, Violence, case, meeting, resting, stress};
 
 /// Runs 300 scenes; `variational stress --count 10000` is the long form (docs/robustness.md).
 #[test]
@@ -51,18 +51,22 @@ fn bodies_that_meet_violently_never_cross() {
     assert!(done >= 3, "{done} of 6 scenes end well");
 }
 
+/// Makes all steps of a scene, none of which may fail or end with surfaces that cross.
+fn ends_without_crossings(Case { index, scene, .. }: Case) {
+    let mut simulation = Simulation::new(scene).unwrap();
+    while !simulation.is_done() {
+        simulation.step().unwrap_or_else(|error| panic!("scene {index}: {error}"));
+        let (crossings, pairs) = simulation.crossings();
+        assert_eq!(crossings, 0, "scene {index}, step {}: {pairs:?}", simulation.steps());
+    }
+}
+
 /// Bodies that begin apart come to rest on each other with friction, and no surface crosses. Each of these scenes found no equilibrium before its
 /// bodies approached in hops: a ball, a block on a slope, and a pile.
 #[test]
 fn bodies_that_begin_apart_come_to_rest() {
     for index in [28, 37, 48] {
-        let case = resting(1, index).unwrap();
-        let mut simulation = Simulation::new(case.scene).unwrap();
-        while !simulation.is_done() {
-            simulation.step().unwrap_or_else(|error| panic!("scene {index}: {error}"));
-            let (crossings, pairs) = simulation.crossings();
-            assert_eq!(crossings, 0, "scene {index}, step {}: {pairs:?}", simulation.steps());
-        }
+        ends_without_crossings(resting(1, index).unwrap());
     }
 }
 
@@ -72,13 +76,7 @@ fn bodies_that_begin_apart_come_to_rest() {
 #[test]
 fn steps_are_divided_before_gaps_are_lost() {
     for index in [46, 155, 172, 244] {
-        let case = meeting(1, index).unwrap();
-        let mut simulation = Simulation::new(case.scene).unwrap();
-        while !simulation.is_done() {
-            simulation.step().unwrap_or_else(|error| panic!("scene {index}: {error}"));
-            let (crossings, pairs) = simulation.crossings();
-            assert_eq!(crossings, 0, "scene {index}, step {}: {pairs:?}", simulation.steps());
-        }
+        ends_without_crossings(meeting(1, index).unwrap());
     }
 }
 

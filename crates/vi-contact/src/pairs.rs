@@ -79,6 +79,11 @@ impl Surface {
         }
     }
 
+    /// Returns the frames of both bodies of a pair; `None` for a body without frame.
+    pub(crate) fn frames_of(&self, partners: Partners) -> [Option<[u32; 4]>; 2] {
+        self.bodies_of(partners).map(|body| self.frames[body as usize])
+    }
+
     /// Returns the distance between neighbouring nodes at a pair, m: that of the finer side.
     pub(crate) fn spacing(&self, partners: Partners, x: &[f64]) -> f64 {
         let between = |[a, b]: [u32; 2]| (at(x, a) - at(x, b)).norm();

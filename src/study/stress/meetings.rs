@@ -3,10 +3,10 @@
 
 use serde_json::{Value, json};
 
+use super::entries::{floor, held, moved, shape, with};
 use super::kinds::Violence;
 use super::random::Random;
 use super::violence::{Case, CaseError};
-use crate::scene::Scene;
 
 /// Schemes that support contact. Some occur twice, to be drawn more often.
 const SCHEMES: [&str; 9] = [
@@ -88,8 +88,7 @@ pub fn meeting(seed: u64, index: u64) -> Result<Case, CaseError> {
     if !joints.is_empty() {
         scene["joint"] = json!(joints);
     }
-    let scene: Scene = serde_json::from_value(scene).map_err(|error| CaseError::Scene(error.to_string()))?;
-    Ok(Case { index, violence, scene, is_driven: true, is_free: false, twin: None })
+    Case::of_meeting(index, violence, scene)
 }
 
 impl Matter {
@@ -115,33 +114,6 @@ impl Matter {
 
     fn rigid(&self, name: &str, shape: Value, position: [f64; 3]) -> Value {
         json!({ "name": name, "shape": shape, "density": self.density, "position": position })
-    }
-}
-
-pub(super) fn held(mut rigid: Value) -> Value {
-    if let Some(keys) = rigid.as_object_mut() {
-        keys.remove("density");
-        keys.insert("fixed".to_owned(), json!(true));
-    }
-    rigid
-}
-
-pub(super) fn with(mut value: Value, key: &str, entry: Value) -> Value {
-    value[key] = entry;
-    value
-}
-
-pub(super) fn floor() -> Value {
-    json!({ "name": "floor", "shape": { "kind": "plane", "normal": [0.0, 0.0, 1.0] }, "fixed": true })
-}
-
-/// Draws a shape with a diameter of about `size`.
-pub(super) fn shape(random: &mut Random, size: f64) -> Value {
-    match random.below(4) {
-        0 => json!({ "kind": "sphere", "radius": 0.5 * size }),
-        1 => json!({ "kind": "capsule", "length": 0.5 * size, "radius": 0.2 * size }),
-        2 => json!({ "kind": "cylinder", "length": 0.7 * size, "radius": 0.3 * size }),
-        _ => json!({ "kind": "box", "size": [0.6 * size, 0.5 * size, 0.5 * size] }),
     }
 }
 
@@ -191,9 +163,8 @@ fn parts(
             let sheet = matter.sheet("sheet", s, [0.0, 0.0, 0.0], random);
             let press = |name: &str, x: f64, towards: f64| {
                 let shape = json!({ "kind": "box", "size": [0.1 * s, 2.0 * s, 2.0 * s] });
-                let wall = json!({ "name": name, "shape": shape, "position": [x, 0.5 * s, 0.0] });
                 let velocity = [towards * 0.35 * s / duration, 0.0, 0.0];
-                with(wall, "motion", json!({ "kind": "translate", "velocity": velocity }))
+                moved(name, shape, [x, 0.5 * s, 0.0], velocity)
             };
             let sheet = with(sheet, "velocity", json!([0.0, 0.0, 0.2 * speed]));
             (vec![sheet], vec![press("left", -0.07 * s, 1.0), press("right", 1.07 * s, -1.0)], vec![])
@@ -239,13 +210,9 @@ fn parts(
                 matter.solid("body", [s, 0.5 * s, 0.5 * s], [-0.5 * s, -0.25 * s, -0.5 * s], random)
             };
             let size = 0.5 * s;
-            let driven = held(matter.rigid("driven", shape(random, size), [0.0, 0.0, 0.6 * size]));
+            let shape = shape(random, size);
             let velocity = [0.0, 0.0, -random.between(0.2, 1.0) * s / duration];
-            let mut driven = with(driven, "motion", json!({ "kind": "translate", "velocity": velocity }));
-            if let Some(keys) = driven.as_object_mut() {
-                keys.remove("fixed");
-            }
-            (vec![body], vec![driven], vec![])
+            (vec![body], vec![moved("driven", shape, [0.0, 0.0, 0.6 * size], velocity)], vec![])
         }
         Violence::Close => {
             let below = matter.solid("below", [s, s, 0.5 * s], [0.0, 0.0, -0.5 * s], random);
@@ -288,20 +255,6 @@ fn parts(
             let hinge = json!({ "kind": "hinge", "body": "upper", "to": "lower", "point": point, "axis": [0.0, 1.0, 0.0] });
             let between = matter.sheet("sheet", 0.5 * s, [0.1 * s, -0.25 * s, 0.05 * s], random);
             (vec![between], vec![held(leaf("lower", 0.0)), upper], vec![hinge])
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_scene_is_sound() {
-        for index in 0..200 {
-            let case = meeting(3, index).unwrap();
-            let problems = case.scene.problems();
-            assert!(problems.is_empty(), "scene {index}, {:?}: {problems:?}", case.violence);
         }
     }
 }

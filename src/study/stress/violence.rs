@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use serde_json::json;
+use serde_json::{Value, json};
 use vi_fem::{Bending, Law, SheetLaw};
 use vi_io::{IoError, VtuArray, VtuFrame, VtuOptions, VtuValues};
 use vi_mesh::{BoxMesh, CellBlock, Mesh, Region, SheetMesh};
@@ -23,7 +23,7 @@ pub enum CaseError {
     /// The mesh cannot be written.
     #[error(transparent)]
     Mesh(#[from] IoError),
-    /// A scene in which bodies meet does not parse; `stress/meetings.rs` must support its keys.
+    /// A scene in which bodies meet does not parse; its generator must support its keys.
     #[error("the scene: {0}")]
     Scene(String),
     /// The parameters of a case do not fit a law of the registry; `stress/violence.rs` must support its keys.
@@ -51,6 +51,17 @@ pub struct Case {
     pub is_free: bool,
     /// A change that must not change the result: the changed scene is also run and judged.
     pub twin: Option<Transform>,
+}
+
+impl Case {
+    /// Returns a case of bodies that meet, from the tables of its scene.
+    ///
+    /// # Errors
+    /// Returns [`CaseError::Scene`] if the scene does not parse.
+    pub(super) fn of_meeting(index: u64, violence: Violence, scene: Value) -> Result<Self, CaseError> {
+        let scene = serde_json::from_value(scene).map_err(|error| CaseError::Scene(error.to_string()))?;
+        Ok(Self { index, violence, scene, is_driven: true, is_free: false, twin: None })
+    }
 }
 
 /// A body that is being built.

@@ -218,8 +218,10 @@ impl Contact<'_> {
             let end = self.touching(partners, cell, number, &place)?;
             let [first, second] = middle.tangents.map(|tangent| tangent.dot(&slip));
             let slip = end.tangents[0] * first + end.tangents[1] * second;
-            let frames = self.surface.bodies_of(partners).map(|body| self.surface.frames[body as usize]);
-            let directors = frames.map(|frame| frame.map(|[_, directors @ ..]| directors.map(place)));
+            let directors = self
+                .surface
+                .frames_of(partners)
+                .map(|frame| frame.map(|[_, directors @ ..]| directors.map(place)));
             (end, Spread::of_turning_bodies(end.weights, directors)?, slip)
         } else {
             (middle, Spread::of_material_points(middle.weights), slip)
@@ -272,7 +274,7 @@ impl Contact<'_> {
         let bodies = self.surface.bodies_of(partners);
         let radii = bodies.map(|body| self.surface.laws.bodies[body as usize].radius);
         let [first, second] = axis.places;
-        match bodies.map(|body| self.surface.frames[body as usize]) {
+        match self.surface.frames_of(partners) {
             [Some(_), Some(_)] => {
                 let gap = axis.normal.dot(&(first - second)) - radii[0] - radii[1];
                 let share = match radii.map(|radius| radius > 0.0) {
@@ -296,8 +298,7 @@ impl Contact<'_> {
         x: &impl Fn(u32) -> Vec3,
     ) -> Option<[f64; 8]> {
         let surface = self.surface;
-        let bodies = surface.bodies_of(partners);
-        let frames = bodies.map(|body| surface.frames[body as usize]);
+        let frames = surface.frames_of(partners);
         let place = self.touch(partners, axis).place(axis);
         let count = partners.first_count();
         let arity = self.arity(partners, cell);

@@ -60,9 +60,9 @@ pub(super) fn solve(
     let iterations = approach(balance, q, t, stop)?;
     let mut done = Solved { iterations, stayed_definite: true, made_passes: true };
     let mut r = vec![0.0; q.len()];
-    let mut errors = vec![error(balance, (q, t), stop, &mut r)?];
+    let mut last = error_of(balance, (q, t), stop, &mut r)?;
+    let mut errors = vec![last];
     for _ in 0..PASSES {
-        let last = errors.last().copied().unwrap_or(1.0);
         let tolerance = (FRACTION * last).min(ROUGHEST).max(0.1 * stop.tolerance);
         let mut own = Stop { tolerance, ..*stop };
         let solved = match minimise(balance, q, t, &mut own) {
@@ -76,22 +76,22 @@ pub(super) fn solve(
         stop.scale = stop.scale.max(own.scale);
         done.iterations += solved.iterations;
         done.stayed_definite &= solved.stayed_definite;
-        let error = error(balance, (q, t), stop, &mut r)?;
+        let error = error_of(balance, (q, t), stop, &mut r)?;
         let is_round_off = balance.is_round_off(&r) || (error < ROUND_OFF_BELOW && error > GAIN * last);
         if error <= stop.tolerance || is_round_off {
             return Ok(Reached::Equilibrium(done));
         }
         errors.push(error);
+        last = error;
         let before = errors.len().checked_sub(1 + PATIENCE);
         if before.is_some_and(|before| error > GAIN * errors[before]) {
             break;
         }
     }
-    let residual = errors.last().copied().unwrap_or(1.0);
-    if residual < CLOSE {
+    if last < CLOSE {
         return Ok(Reached::Neighbourhood(done));
     }
-    Err(SolverError::NoConvergence { iterations: done.iterations, residual, tolerance: stop.tolerance })
+    Err(SolverError::NoConvergence { iterations: done.iterations, residual: last, tolerance: stop.tolerance })
 }
 
 /// Goes from `q` to a place where bodies touch, in hops, each of which minimises V with a bond to the place before it. Returns the number
@@ -125,7 +125,7 @@ fn approach(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Re
 }
 
 /// Returns the relative error of a place, by the last tangent, and writes its residual to `r`.
-fn error(
+fn error_of(
     balance: &mut Balance,
     (q, t): (&[f64], f64),
     stop: &Stop,

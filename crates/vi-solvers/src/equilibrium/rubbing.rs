@@ -63,7 +63,7 @@ pub(super) fn solve(
         }
         // The first corrections of the series that failed may be far too long.
         let scale_of_series = std::mem::replace(&mut series.stop.scale, scale);
-        match series.lag(tolerance) {
+        match series.lag(Aim::plain(tolerance, most)) {
             Ok(Some(solved)) => {
                 q.copy_from_slice(&series.q);
                 return Ok(solved);
@@ -83,8 +83,8 @@ pub(super) fn solve(
 
 impl Rubbing<'_, '_> {
     /// Solves the equations by passes with lagged friction. Returns `None` if other forces have no potential, or if passes have failed too
-    /// often.
-    fn lag(&mut self, tolerance: f64) -> Result<Option<Solved>, SolverError> {
+    /// often. `aim` is that of Newton's method where passes converge slowly.
+    fn lag(&mut self, aim: Aim) -> Result<Option<Solved>, SolverError> {
         let only_friction_dissipates = self.balance.only_friction_dissipates();
         let Some(friction) = self.balance.friction.as_mut() else { return Ok(None) };
         if !only_friction_dissipates || friction.failed_lags >= MOST_FAILED_LAGS {
@@ -96,11 +96,10 @@ impl Rubbing<'_, '_> {
         if let Some(friction) = &mut self.balance.friction {
             friction.set_predicts(true);
         }
-        let outcome = match passes {
-            Ok(Reached::Equilibrium(solved)) => Ok(solved),
-            Ok(Reached::Neighbourhood(solved)) => self.polish(solved, tolerance),
-            Err(error) => Err(error),
-        };
+        let outcome = passes.and_then(|reached| match reached {
+            Reached::Equilibrium(solved) => Ok(solved),
+            Reached::Neighbourhood(solved) => self.polish(aim).map(|()| solved),
+        });
         if let Some(friction) = &mut self.balance.friction {
             friction.failed_lags = if outcome.is_ok() { 0 } else { friction.failed_lags + 1 };
         }
@@ -108,17 +107,11 @@ impl Rubbing<'_, '_> {
     }
 
     /// Goes on from the place that passes with lagged friction have reached, with the friction of each iterate.
-    fn polish(&mut self, passes: Solved, tolerance: f64) -> Result<Solved, SolverError> {
+    fn polish(&mut self, aim: Aim) -> Result<(), SolverError> {
         if let Some(friction) = &mut self.balance.friction {
             friction.restart();
         }
-        self.iterate(Aim {
-            tolerance,
-            most: soft_bristles::PLAIN_ITERATIONS,
-            stiffness: 1.0,
-            is_uniform: false,
-        })?;
-        Ok(passes)
+        self.iterate(aim)
     }
 
     /// Returns δ = −J⁻¹r and the energies −δᵀr of it and of −A⁻¹r, J.

@@ -17,7 +17,7 @@ use crate::newton::start::Start;
 
 /// Largest number of iterations of a plain attempt. Those that converge need two to eight, and more if paths cut
 /// corrections short.
-pub(crate) const PLAIN_ITERATIONS: u32 = 30;
+const PLAIN_ITERATIONS: u32 = 30;
 /// The stiffness of bristles in the first stage of the second attempt and of later ones, and the ratio of that of a stage to
 /// the one before it; after a failed stage the ratio is smaller.
 const SOFT: f64 = 1e-2;
@@ -115,6 +115,11 @@ impl Attempt {
 }
 
 impl Aim {
+    /// Returns the aim of a plain attempt, of at most `most` iterations.
+    pub(crate) fn plain(tolerance: f64, most: u32) -> Self {
+        Self { tolerance, most: PLAIN_ITERATIONS.min(most), stiffness: 1.0, is_uniform: false }
+    }
+
     fn is_stage(&self) -> bool {
         self.stiffness < 1.0
     }
@@ -138,7 +143,7 @@ pub(crate) fn solve_plainly(
     most: u32,
 ) -> Result<(), SolverError> {
     series.begin(start);
-    series.iterate(Aim { tolerance, most: PLAIN_ITERATIONS.min(most), stiffness: 1.0, is_uniform: false })
+    series.iterate(Aim::plain(tolerance, most))
 }
 
 /// Solves the equations with bristles that become stiffer from stage to stage, attempt by attempt until one succeeds.

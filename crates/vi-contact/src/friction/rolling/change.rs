@@ -96,7 +96,7 @@ impl Contact<'_> {
         let across = Across::new(partners, &axis, &axis_nodes.map(middle));
         let steps = axis_nodes.map(step);
         let approach: f64 = (0..8).map(|a| weights[a] * axis.normal.dot(&step(nodes[a]))).sum();
-        let frames = self.surface.bodies_of(partners).map(|body| self.surface.frames[body as usize]);
+        let frames = self.surface.frames_of(partners);
         let mut spins = [None; 2];
         for (spin, frame) in spins.iter_mut().zip(frames) {
             if let Some([_, directors @ ..]) = frame {

@@ -26,7 +26,7 @@ pub(crate) struct Spread {
 /// A frame that turns.
 #[derive(Debug, Clone, Copy)]
 struct Turning {
-    directors: Matrix3<f64>,
+    directors: [Vec3; 3],
     /// (tr S · 1 − S)⁻¹.
     inverse: Matrix3<f64>,
 }
@@ -42,8 +42,8 @@ impl Spread {
         let mut turning = [None; 2];
         for (turning, directors) in turning.iter_mut().zip(directors) {
             let Some(directors) = directors else { continue };
-            let directors = Matrix3::from_columns(&directors);
-            let squares = directors * directors.transpose();
+            let squares: Matrix3<f64> =
+                directors.iter().map(|director| director * director.transpose()).sum();
             let inverse = (Matrix3::identity() * squares.trace() - squares).try_inverse()?;
             *turning = Some(Turning { directors, inverse });
         }
@@ -57,10 +57,10 @@ impl Spread {
             let (Some(Turning { directors, inverse }), [_, on_directors @ ..]) = (turning, out) else {
                 continue;
             };
-            let columns = || directors.column_iter().map(Vec3::from);
-            let moment: Vec3 = columns().zip(&*on_directors).map(|(director, own)| director.cross(own)).sum();
+            let moment: Vec3 =
+                directors.iter().zip(&*on_directors).map(|(director, own)| director.cross(own)).sum();
             let turn = inverse * moment;
-            on_directors.iter_mut().zip(columns()).for_each(|(out, director)| *out = turn.cross(&director));
+            on_directors.iter_mut().zip(directors).for_each(|(out, director)| *out = turn.cross(director));
         }
         out
     }
