@@ -12,6 +12,7 @@ mod contact_conformance;
 mod contact_cuts;
 mod contact_failures;
 mod contact_impulses;
+mod contact_limits;
 mod contact_planes;
 mod contact_prescribed;
 mod contact_reactions;

@@ -454,6 +454,11 @@ impl SolverError {
         matches!(self, Self::Interrupted)
     }
 
+    /// Returns whether bodies move away instead of coming to an equilibrium. Another way to solve the same equations does not help.
+    pub(crate) fn moves_away(&self) -> bool {
+        matches!(self, Self::MovesAway { .. })
+    }
+
     /// Returns the nodes of the pair that stopped a path, if that is the cause.
     pub fn obstacle(&self) -> Option<[u32; 4]> {
         match self {

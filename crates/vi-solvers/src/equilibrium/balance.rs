@@ -219,15 +219,18 @@ impl<'a> Balance<'a> {
         self.assembler.limits_steps()
     }
 
-    /// Returns the largest fraction of the change `dq` from (q, t) that the terms allow, in (0, 1].
+    /// Returns the largest fraction of the change `dq` from (q, t) that the terms allow, in (0, 1]. Of a change that is longer than bodies
+    /// may move, only a part is examined.
     pub(crate) fn largest_step(&mut self, q: &[f64], t: f64, dq: &[f64]) -> f64 {
         if !self.assembler.limits_steps() {
             return 1.0;
         }
-        let mut dx = vec![0.0; self.x.len()];
-        self.system.coordinates().embed_change(dq, &mut dx);
         self.go_to(q, t);
-        self.assembler.largest_step(&self.x, &dx, None)
+        let part = self.sensible_part(dq);
+        let dq: Vec<f64> = dq.iter().map(|dq| part * dq).collect();
+        let mut dx = vec![0.0; self.x.len()];
+        self.system.coordinates().embed_change(&dq, &mut dx);
+        part * self.assembler.largest_step(&self.x, &dx, None)
     }
 
     /// Returns V(q, t), J; infinite outside the domain of a term.

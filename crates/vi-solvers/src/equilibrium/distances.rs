@@ -11,6 +11,10 @@ const FARTHEST: f64 = 30.0;
 /// The same of linear bodies, whose displacements under large loads are long.
 const FARTHEST_LINEAR: f64 = 1e3;
 
+/// The same in a pass with lagged friction, once bodies touch. With 30, a block of 6 × 6 × 3 cells that is pulled off a floor takes 32
+/// instead of 4 s to fail.
+const FARTHEST_SLIDE: f64 = 4.0;
+
 /// Resultants below this fraction of the sum of absolute forces are round-off.
 const ROUND_OFF: f64 = 1e-6;
 
@@ -23,11 +27,28 @@ impl Balance<'_> {
     pub(super) fn check_distance(&mut self, from: &[f64], to: &[f64], t: f64) -> Result<(), SolverError> {
         self.go_to(from, t);
         let (far, extent) = (vectors::max_abs(to.len(), |k| to[k] - from[k]), self.extent());
-        let farthest = if self.is_linear { FARTHEST_LINEAR } else { FARTHEST };
-        if extent == 0.0 || far <= farthest * extent {
+        if extent == 0.0 || far <= self.farthest() * extent {
             return Ok(());
         }
         Err(SolverError::MovesAway { extents: far / extent })
+    }
+
+    /// Returns the fraction of the change `dq` beyond which [`Balance::check_distance`] fails in any case, at most 1. Obstacles farther
+    /// away are not looked for.
+    pub(super) fn sensible_part(&self, dq: &[f64]) -> f64 {
+        let (far, extent) = (vectors::max_abs(dq.len(), |k| dq[k]), self.extent());
+        if extent > 0.0 { (2.0 * self.farthest() * extent / far).min(1.0) } else { 1.0 }
+    }
+
+    /// Returns the distance that bodies may move, as a multiple of their extent.
+    fn farthest(&self) -> f64 {
+        let may_slide =
+            self.bond.is_none() && self.friction.as_ref().is_some_and(|friction| friction.is_lagged());
+        match (self.is_linear, may_slide) {
+            (true, _) => FARTHEST_LINEAR,
+            (false, true) => FARTHEST_SLIDE,
+            (false, false) => FARTHEST,
+        }
     }
 
     /// Returns whether a correction is longer than the bodies, although V is not quadratic.

@@ -96,6 +96,9 @@ pub(super) fn solve(
 
 /// Goes from `q` to a place where bodies touch, in hops, each of which minimises V with a bond to the place before it. Returns the number
 /// of iterations.
+///
+/// # Errors
+/// Returns [`SolverError::MovesAway`] if the bodies still move after the last hop, or the error of a hop.
 fn approach(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Result<u32, SolverError> {
     let start = q.to_vec();
     let mut r = vec![0.0; q.len()];
@@ -117,11 +120,11 @@ fn approach(balance: &mut Balance, q: &mut [f64], t: f64, stop: &mut Stop) -> Re
         };
         stop.scale = stop.scale.max(own.scale);
         balance.check_distance(&start, q, t)?;
-        if vectors::max_abs(q.len(), |k| q[k] - place[k]) < 0.5 * HOP * extent {
-            break;
+        if extent == 0.0 || vectors::max_abs(q.len(), |k| q[k] - place[k]) < 0.5 * HOP * extent {
+            return Ok(done);
         }
     }
-    Ok(done)
+    Err(SolverError::MovesAway { extents: vectors::max_abs(q.len(), |k| q[k] - start[k]) / extent })
 }
 
 /// Returns the relative error of a place, by the last tangent, and writes its residual to `r`.

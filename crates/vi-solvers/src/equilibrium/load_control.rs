@@ -116,12 +116,12 @@ impl Search<'_> {
         match (self.options.arc_steps, is_stable) {
             (Some(steps), _) => follow::follow(self, state, steps),
             (None, Some(is_stable)) if self.persists(state) => self.keep(state, is_stable),
-            (None, _) => self.step_loads(state),
+            (None, known) => self.step_loads(state, known.is_some()),
         }
     }
 
-    /// Steps the load factor to its end.
-    fn step_loads(&mut self, state: &mut State) -> Result<(), SolverError> {
+    /// Steps the load factor to its end. A start that is an equilibrium need not be released.
+    fn step_loads(&mut self, state: &mut State, is_equilibrium: bool) -> Result<(), SolverError> {
         let end = self.options.end;
         let span = end - state.t;
         let (mut q, mut velocity) = (state.q.clone(), vec![0.0; state.q.len()]);
@@ -131,6 +131,8 @@ impl Search<'_> {
         // Whether dq/dt is known from a tangent at `state`.
         let mut has_velocity = false;
         let (mut may_release, mut may_predict) = (true, true);
+        // Whether bodies moved away at the last load that was tried.
+        let mut moved_away = false;
         // Equilibria with friction are no stationary points of a potential.
         let has_friction = self.balance.friction.is_some();
         let judges = self.balance.judges_stability();
@@ -146,7 +148,9 @@ impl Search<'_> {
             }
             let mut stop = self.stop;
             let mut result = self.solve_at(state, &mut q, t, !may_predict, &mut stop);
-            if is_predicted && result.as_ref().is_err_and(|error| !error.is_interruption()) {
+            if is_predicted
+                && result.as_ref().is_err_and(|error| !error.is_interruption() && !error.moves_away())
+            {
                 // The prediction may be the cause; try without it.
                 q.copy_from_slice(&state.q);
                 stop = self.stop;
@@ -216,7 +220,7 @@ impl Search<'_> {
                     if !(self.watch)(state, &step) || t == end {
                         return Ok(());
                     }
-                    if iterations <= 6 || solved.made_passes {
+                    if !std::mem::take(&mut moved_away) && (iterations <= 6 || solved.made_passes) {
                         increment *= 2.0;
                     }
                     increment = increment.abs().min(self.options.largest_increment) * span.signum();
@@ -237,7 +241,8 @@ impl Search<'_> {
                         || 0.5 * tried < self.options.smallest_increment)
                         && std::mem::take(&mut may_release)
                         && self.report.steps.is_empty()
-                        && (self.leave_mechanism(state, t)? || self.release(state)?) =>
+                        && (self.leave_mechanism(state, t)?
+                            || (!is_equilibrium && self.release(state)?)) =>
                 {
                     q.copy_from_slice(&state.q);
                     has_velocity = false;
@@ -245,7 +250,11 @@ impl Search<'_> {
                 Err(cause) => {
                     increment = 0.5 * tried * span.signum();
                     self.report.halvings += 1;
-                    if increment.abs() < self.options.smallest_increment {
+                    moved_away = cause.moves_away();
+                    // Shorter increments only tell more digits of a load that bodies cannot bear.
+                    let smallest =
+                        if moved_away { self.closest(span) } else { self.options.smallest_increment };
+                    if increment.abs() < smallest {
                         return Err(self.no_equilibrium(state, tried, cause));
                     }
                 }
@@ -294,7 +303,7 @@ impl Search<'_> {
         Ok(self.balance.residual(q, t, &mut r).is_ok() && self.balance.scaled_norm(&r) < before)
     }
 
-    /// Returns the increment at which a step across an indefinite tangent is accepted.
+    /// Returns the increment at which a step across an indefinite tangent is accepted, and a load at which bodies move away is known.
     fn closest(&self, span: f64) -> f64 {
         (1e-3 * span.abs()).max(self.options.smallest_increment)
     }

@@ -68,7 +68,8 @@ pub(super) fn solve(
                 q.copy_from_slice(&series.q);
                 return Ok(solved);
             }
-            Err(error) if error.is_interruption() => return Err(error),
+            // Where no friction of a pass stops the bodies, soft bristles do not either.
+            Err(error) if error.is_interruption() || error.moves_away() => return Err(error),
             _ => {}
         }
         series.stop.scale = scale_of_series;
@@ -101,7 +102,11 @@ impl Rubbing<'_, '_> {
             Reached::Neighbourhood(solved) => self.polish(aim).map(|()| solved),
         });
         if let Some(friction) = &mut self.balance.friction {
-            friction.failed_lags = if outcome.is_ok() { 0 } else { friction.failed_lags + 1 };
+            match &outcome {
+                Ok(_) => friction.failed_lags = 0,
+                Err(error) if error.moves_away() => {}
+                Err(_) => friction.failed_lags += 1,
+            }
         }
         outcome.map(|solved| Some(Solved { iterations: self.done + solved.iterations, ..solved }))
     }

@@ -9,7 +9,7 @@ use crate::vectors;
 /// A motion that is a larger multiple of the shortest reach is far: stencils are requested along it. With 4, 8 and 16
 /// `scenes/contact/box-bounces.toml` makes 26 892, 18 827 and 18 756 searches; the blocks of `patch.toml` take .5, .5 and 1.7 s.
 pub(super) const FAR: f64 = 8.0;
-/// Reach of a region for the iterates of a step, as a fraction of its path.
+/// Reach of a region for the iterates of a step, as a fraction of its path, or of the extent of the bodies where the path is longer.
 const ITERATES: f64 = 0.05;
 
 /// The configurations for which stencils were requested, as places of nodes ([`vi_core::Coordinates::places`]): every node is within
@@ -44,9 +44,9 @@ impl Region {
         let motion = end.iter().zip(x).map(|(end, x)| end - x).collect();
         let path = Tube { start: about, motion, reach: vec![0.0; x.len() / 3] };
         let from_path = others.into_iter().flat_map(|other| path.distances(other)).fold(0.0, f64::max);
-        let farthest = 2.0 * path.largest_reach();
+        let room = ITERATES * (2.0 * path.largest_reach()).min(extent(x));
         let Tube { start: about, motion, .. } = path;
-        Some(Self { about, motion, reach: shortest.max(1.0001 * from_path).max(ITERATES * farthest) })
+        Some(Self { about, motion, reach: shortest.max(1.0001 * from_path).max(room) })
     }
 
     /// Returns whether no node is farther than the reach from its place at the start.
@@ -77,6 +77,15 @@ impl Region {
         let fits = |values: &[f64]| values.is_empty() || values.len() == count;
         (fits(&about) && fits(&motion)).then_some(Self { about, motion, reach })
     }
+}
+
+/// Returns the longest side of the box around all nodes, m.
+fn extent(x: &[f64]) -> f64 {
+    let along = |axis: usize| {
+        let components = || x[axis..].iter().step_by(3).copied();
+        components().fold(f64::NEG_INFINITY, f64::max) - components().fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(along).fold(0.0, f64::max)
 }
 
 /// Returns a bound on the distances of nodes between two configurations, m.
