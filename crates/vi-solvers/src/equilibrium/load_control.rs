@@ -22,6 +22,11 @@ use crate::work::Work;
 /// If a body moves this many times farther per unit of load than in the previous step, it may have snapped.
 const SNAP_RATIO: f64 = 5.0;
 
+/// Largest number of attempts after the first under loads that do not change, whose equations are the same. Later ones omit passes with
+/// lagged friction that have failed: two of 25 scenes of balls of `stress --equilibria` come to rest only then. One that does not takes 4731
+/// instead of 10 176 iterations to fail.
+const REPEATS: u32 = 3;
+
 /// Brings `state` from its load factor state.t to the equilibrium at load factor `options.end`; momenta become zero.
 /// If state.t is already there, solves at that load factor.
 ///
@@ -133,6 +138,8 @@ impl Search<'_> {
         let (mut may_release, mut may_predict) = (true, true);
         // Whether bodies moved away at the last load that was tried.
         let mut moved_away = false;
+        // The number of increments that failed under loads that do not change.
+        let mut repeated = 0;
         // Equilibria with friction are no stationary points of a potential.
         let has_friction = self.balance.friction.is_some();
         let judges = self.balance.judges_stability();
@@ -254,7 +261,8 @@ impl Search<'_> {
                     // Shorter increments only tell more digits of a load that bodies cannot bear.
                     let smallest =
                         if moved_away { self.closest(span) } else { self.options.smallest_increment };
-                    if increment.abs() < smallest {
+                    repeated += u32::from(self.loads_are_equal(&state.q, [t, state.t + increment]));
+                    if increment.abs() < smallest || repeated > REPEATS {
                         return Err(self.no_equilibrium(state, tried, cause));
                     }
                 }

@@ -16,7 +16,8 @@ pub struct StaticOptions {
     pub increment: f64,
     /// Largest increment of the load factor.
     pub largest_increment: f64,
-    /// Smallest increment; a solve that fails at this increment ends the search.
+    /// Smallest increment; a solve that fails at this increment ends the search. It ends earlier at a thousandth of the span where bodies
+    /// move away, and after three repeats where no load changes.
     pub smallest_increment: f64,
     /// Relative tolerance in the energy norm, √(rᵀK⁻¹r / largest first decrement).
     pub tolerance: f64,

@@ -1,4 +1,4 @@
-//! Equilibria that persist because no load changes: they are not solved for again.
+//! Load factors between which no load changes: equilibria persist and are not solved for again.
 
 use vi_core::State;
 
@@ -7,17 +7,20 @@ use crate::equilibrium::search::Search;
 use crate::error::SolverError;
 
 impl Search<'_> {
-    /// Returns whether an equilibrium is one at the end of the load factor too, because no force on it and no prescribed coordinate is another
-    /// there.
+    /// Returns whether an equilibrium is one at the end of the load factor too, because no load changes.
     pub(super) fn persists(&mut self, state: &State) -> bool {
-        let (q, end) = (&state.q, self.options.end);
+        self.loads_are_equal(&state.q, [state.t, self.options.end])
+    }
+
+    /// Returns whether no force on the bodies at `q` and no prescribed coordinate differs between two load factors.
+    pub(super) fn loads_are_equal(&mut self, q: &[f64], [first, second]: [f64; 2]) -> bool {
         let mut force = |t: f64| {
             let mut force = vec![0.0; q.len()];
             self.balance.residual(q, t, &mut force).map(|()| force)
         };
-        match [force(state.t), force(end)] {
+        match [force(first), force(second)] {
             [Ok(here), Ok(there)] if here == there => {
-                self.balance.positions(q, state.t) == self.balance.positions(q, end)
+                self.balance.positions(q, first) == self.balance.positions(q, second)
             }
             _ => false,
         }
