@@ -1,5 +1,6 @@
 //! Defines the error type of this crate.
 
+mod cause;
 mod description;
 
 use thiserror::Error;
@@ -447,38 +448,6 @@ impl SolverError {
     pub fn no_petsc() -> Self {
         let reason = "needs the program variational-mpi, built with its feature `petsc`".to_owned();
         Self::Petsc { reason }
-    }
-
-    /// Returns whether the work was abandoned on request. Such an error is passed on: no other attempt is made.
-    pub fn is_interruption(&self) -> bool {
-        matches!(self, Self::Interrupted)
-    }
-
-    /// Returns whether bodies move away instead of coming to an equilibrium. Another way to solve the same equations does not help.
-    pub(crate) fn moves_away(&self) -> bool {
-        matches!(self, Self::MovesAway { .. })
-    }
-
-    /// Returns the nodes of the pair that stopped a path, if that is the cause.
-    pub fn obstacle(&self) -> Option<[u32; 4]> {
-        match self {
-            Self::Crossing { nodes } => Some(*nodes),
-            Self::Blocked { nodes, .. } => *nodes,
-            Self::Equilibrium { cause, .. }
-            | Self::ArcStep { cause, .. }
-            | Self::ControlStep { cause, .. }
-            | Self::Branch { cause, .. }
-            | Self::InContact { cause, .. } => cause.obstacle(),
-            _ => None,
-        }
-    }
-
-    /// Returns the error without the pair in contact that was added to it.
-    pub fn without_contact(&self) -> &Self {
-        match self {
-            Self::InContact { cause, .. } => cause,
-            other => other,
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The state of a sum of live terms, from which a run continues with the same bits.
 
-use vi_core::Tube;
+use vi_core::{Coordinates, Tube};
 
 use crate::assemble::passage::Remembered;
 use crate::memory::StepperMemory;
@@ -28,6 +28,7 @@ impl Region {
     /// If they are far apart, the region leads along the path from x to the last of the others: nodes that
     /// move together then have few more stencils than nodes at rest.
     pub(super) fn around<'a>(
+        coordinates: &Coordinates,
         x: &[f64],
         others: impl IntoIterator<Item = &'a [f64]> + Clone,
         shortest: f64,
@@ -44,7 +45,7 @@ impl Region {
         let motion = end.iter().zip(x).map(|(end, x)| end - x).collect();
         let path = Tube { start: about, motion, reach: vec![0.0; x.len() / 3] };
         let from_path = others.into_iter().flat_map(|other| path.distances(other)).fold(0.0, f64::max);
-        let room = ITERATES * (2.0 * path.largest_reach()).min(extent(x));
+        let room = ITERATES * (2.0 * path.largest_reach()).min(coordinates.extent_and_reach(x)[0]);
         let Tube { start: about, motion, .. } = path;
         Some(Self { about, motion, reach: shortest.max(1.0001 * from_path).max(room) })
     }
@@ -77,15 +78,6 @@ impl Region {
         let fits = |values: &[f64]| values.is_empty() || values.len() == count;
         (fits(&about) && fits(&motion)).then_some(Self { about, motion, reach })
     }
-}
-
-/// Returns the longest side of the box around all nodes, m.
-fn extent(x: &[f64]) -> f64 {
-    let along = |axis: usize| {
-        let components = || x[axis..].iter().step_by(3).copied();
-        components().fold(f64::NEG_INFINITY, f64::max) - components().fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(along).fold(0.0, f64::max)
 }
 
 /// Returns a bound on the distances of nodes between two configurations, m.

@@ -94,7 +94,9 @@ impl LiveSum {
         if self.is_valid_at(&x) && others.iter().all(|x| self.is_valid_at(x)) {
             return;
         }
-        if let Some(region) = Region::around(&x, others.iter().map(|x| &**x), self.shortest_reach()) {
+        if let Some(region) =
+            Region::around(coordinates, &x, others.iter().map(|x| &**x), self.shortest_reach())
+        {
             self.renew(region);
         }
     }
@@ -116,8 +118,9 @@ impl LiveSum {
     /// Requests stencils with a shorter reach if a step from `start` to `end` needs much less than the present one: the
     /// matrix has an entry for every stencil.
     pub(super) fn tighten(&mut self, start: &[f64], end: &[f64]) {
-        let [start, end] = [start, end].map(|x| self.terms.coordinates().places(x));
-        if let Some(needed) = Region::around(&start, Some(&*end), self.shortest_reach())
+        let coordinates = self.terms.coordinates();
+        let [start, end] = [start, end].map(|x| coordinates.places(x));
+        if let Some(needed) = Region::around(coordinates, &start, Some(&*end), self.shortest_reach())
             && self.near.is_some()
             && self.state.region.reach > LONGEST_REACH * needed.reach
         {
