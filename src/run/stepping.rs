@@ -319,7 +319,11 @@ impl Run {
             }
             // An explicit scheme fails if its energy has grown beyond all bounds since the last observation of the
             // guard, or if a step leaves the domain of a term.
-            Err(error) if self.simulation.method().facts().is_explicit && self.can_go_back() => {
+            Err(error)
+                if self.simulation.method().facts().is_explicit
+                    && self.can_go_back()
+                    && !self.observers.guard.fails_again(step, &error.cause) =>
+            {
                 return self.answer(Some(&error.cause));
             }
             Err(source) => return Err(RunError::Step { step: step + 1, source }),
