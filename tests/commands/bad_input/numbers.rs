@@ -142,5 +142,9 @@ fn amplitudes_that_are_not_finite() {
     // Going back once shows that shorter steps do not change this; the run does not go on halving them.
     let report = late.report();
     assert_eq!(report["guard"]["failed_steps"], 1, "{}", report["guard"]);
-    assert!(report["notes"][0].as_str().unwrap().contains("its cause is not the step"), "{}", report["notes"]);
+    assert!(
+        report["notes"][0].as_str().unwrap().contains("its cause is not the step"),
+        "{}",
+        report["notes"]
+    );
 }
