@@ -54,7 +54,7 @@ pub(crate) fn step(py: Python<'_>, step: u64, error: &StepError) -> PyErr {
     let mut facts =
         vec![("step", Value::Count(step)), ("t", Value::Number(error.t)), ("h", Value::Number(error.h))];
     if let SolverError::Term { term, .. } = error.cause.without_contact() {
-        facts.push(("term", Value::Text(term.term.clone())));
+        facts.push(("term", Value::Text(term.term.to_string())));
         facts.push(("element", Value::Count(term.fault.element as u64)));
         facts.push(("quantity", Value::Text(term.fault.quantity.to_owned())));
     }

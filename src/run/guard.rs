@@ -8,7 +8,6 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 use vi_core::EnergyLedger;
-use vi_solvers::SolverError;
 
 use super::error::RunError;
 use super::observer::{Observer, Purpose, Sight};
@@ -99,8 +98,6 @@ pub(crate) struct EnergyGuard {
     resolution: f64,
     /// Order of the scheme.
     order: usize,
-    /// Whether a shorter step failed at the same time and for the same reason as a longer one, which ends the run.
-    is_step_innocent: bool,
 }
 
 impl EnergyGuard {
@@ -109,7 +106,7 @@ impl EnergyGuard {
     pub(crate) fn new(watching: Watching, order: usize, first: &Observation, resolution: f64) -> Self {
         let exchange = (first.kinetic + first.elastic).max(resolution);
         let growth = Growth { exchange, ..Growth::default() };
-        Self { watching, growth, events: Vec::new(), resolution, order, is_step_innocent: false }
+        Self { watching, growth, events: Vec::new(), resolution, order }
     }
 
     /// Returns when and how the guard acts.
@@ -201,14 +198,6 @@ impl EnergyGuard {
         self.growth.accepted = self.growth.accepted.max(self.growth.now - self.kept_below());
     }
 
-    /// Returns whether the step after `step` fails as it did before the run went back to shorten its steps: with the same element,
-    /// quantity and value, such as an amplitude that is not a number from some time on. Then shorter steps do not help.
-    pub(crate) fn fails_again(&mut self, step: u64, failure: &SolverError) -> bool {
-        let last = self.events.last().filter(|last| last.step == step);
-        self.is_step_innocent = last.is_some_and(|last| last.failure == Some(failure.to_string()));
-        self.is_step_innocent
-    }
-
     /// Returns the largest growth relative to the exchange; zero if there was none.
     pub(crate) fn relative(&self) -> f64 {
         let Growth { largest, exchange, .. } = self.growth;
@@ -276,11 +265,11 @@ impl EnergyGuard {
             true => format!("; in all the energy still grew by {}", self.gain()),
             false => String::new(),
         };
-        let remedy = match self.is_step_innocent {
-            true => "This did not change the failure: its cause is not the step".to_owned(),
-            false => format!("Use {step} from the start, or scheme = \"energy-momentum\""),
-        };
-        Some(format!("{}; the run went back and continued {action}{still}. {remedy}", found.join("; ")))
+        Some(format!(
+            "{}; the run went back and continued {action}{still}. Use {step} from the start, or scheme = \
+             \"energy-momentum\"",
+            found.join("; ")
+        ))
     }
 
     /// Returns the entry of report.json.

@@ -322,7 +322,7 @@ impl Run {
             Err(error)
                 if self.simulation.method().facts().is_explicit
                     && self.can_go_back()
-                    && !self.observers.guard.fails_again(step, &error.cause) =>
+                    && !error.cause.is_at_any_state() =>
             {
                 return self.answer(Some(&error.cause));
             }

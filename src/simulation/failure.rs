@@ -73,7 +73,7 @@ impl Simulation {
         let Gap { gap, distance, bodies, nodes } = contact.tightest(&x, met)?;
         // An element may leave the domain of its law, or a number its range, for other reasons than contact.
         let is_of_contact = match cause {
-            SolverError::Term { term, .. } => term.term == "contact" || gap < distance,
+            SolverError::Term { term, .. } => *term.term == *"contact" || gap < distance,
             SolverError::NotFinite { .. } => met.is_some() || gap < distance,
             _ => true,
         };

@@ -67,6 +67,24 @@ fn energy_from_nowhere_never_passes_in_silence() {
     }
 }
 
+/// A step far beyond the stable one overflows in the same element again after it was halved; that does not end the run.
+#[test]
+fn failures_that_repeat_end_with_a_stable_step() {
+    let scene = RINGING
+        .replace("SCHEME", "stormer-verlet")
+        .replace("LAW", "st-venant-kirchhoff")
+        .replace("2.2e-3", "0.02")
+        .replace("GUARD", "[guard]\naction = \"halve\"");
+    let run = Program::try_run(&scene, &[]);
+    assert_eq!(run.code(), Some(0), "{}", run.errors());
+    let report = run.report();
+    let events = report["guard"]["events"].as_array().unwrap();
+    let facts = |event: &serde_json::Value| (event["step"].clone(), event["failure"].clone());
+    let repeats =
+        events.windows(2).any(|pair| !pair[0]["failure"].is_null() && facts(&pair[0]) == facts(&pair[1]));
+    assert!(repeats, "{events:?}");
+}
+
 /// The note on a guard that acted more than once reports the last event: its growth, time and action.
 #[test]
 fn the_note_on_the_guard_tells_one_event() {

@@ -464,7 +464,7 @@ pub struct NotPositiveDefinite {
 #[error("{term}: element {}: {} = {:e} {}", .fault.element, .fault.quantity, .fault.value, .fault.domain)]
 pub struct TermFault {
     /// Name of the term.
-    pub term: String,
+    pub term: Box<str>,
     /// The element, the quantity, its value and its domain.
     pub fault: vi_core::Fault,
 }

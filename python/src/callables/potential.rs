@@ -201,6 +201,6 @@ impl Potential for CallablePotential {
         self.energies(stencil..stencil + 1, x, t, &mut energy);
         let domain = "must be finite";
         let [value] = energy;
-        (!value.is_finite()).then_some(Fault { element: stencil, quantity: "energy", value, domain })
+        (!value.is_finite()).then_some(Fault { element: stencil, quantity: "energy", value, domain, at_any_state: false })
     }
 }

@@ -117,6 +117,12 @@ impl Potential for Located {
     fn fault(&self, stencil: usize, _x: &[f64], _t: f64) -> Option<Fault> {
         let listed = self.of(&(stencil..stencil + 1));
         let value = listed.iter().rfind(|listed| !listed.pair.energy.is_finite())?.pair.gap;
-        Some(Fault { element: stencil, quantity: "contact gap", value, domain: "must be positive" })
+        Some(Fault {
+            element: stencil,
+            quantity: "contact gap",
+            value,
+            domain: "must be positive",
+            at_any_state: false,
+        })
     }
 }

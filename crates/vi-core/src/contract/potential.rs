@@ -95,6 +95,9 @@ pub struct Fault {
     pub value: f64,
     /// The domain in words, e.g. "must be positive".
     pub domain: &'static str,
+    /// Whether the quantity is outside its domain at any state of this time, such as an amplitude that is not a number. Then no
+    /// other step to this time succeeds.
+    pub at_any_state: bool,
 }
 
 /// Makes the stencils with these numbers.

@@ -100,8 +100,13 @@ impl Amplitude {
     /// Returns the fault of a stencil of a load at t (s) if a(t) is not finite.
     pub(crate) fn fault(&self, stencil: usize, t: f64) -> Option<Fault> {
         let value = self.at(t);
-        let fault = Fault { element: stencil, quantity: "amplitude", value, domain: "must be finite" };
-        (!value.is_finite()).then_some(fault)
+        (!value.is_finite()).then_some(Fault {
+            element: stencil,
+            quantity: "amplitude",
+            value,
+            domain: "must be finite",
+            at_any_state: true,
+        })
     }
 
     /// Returns whether the factor never changes.

@@ -149,7 +149,8 @@ impl<M: SheetMaterial> Potential for Membrane<M> {
             return None;
         }
         let element = self.cells[stencil] as usize;
-        let fault = |quantity, value, domain| Some(Fault { element, quantity, value, domain });
+        let fault =
+            |quantity, value, domain| Some(Fault { element, quantity, value, domain, at_any_state: false });
         // Report the first quantity between F and the stress that is outside its domain.
         let normal = cross(f[0], f[1]);
         let area = dot(normal, normal).sqrt();

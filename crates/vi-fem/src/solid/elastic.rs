@@ -459,5 +459,5 @@ pub(crate) fn farthest_outside(
 }
 
 pub(crate) fn fault(element: usize, Outside { quantity, value, domain, .. }: Outside) -> Fault {
-    Fault { element, quantity, value, domain }
+    Fault { element, quantity, value, domain, at_any_state: false }
 }

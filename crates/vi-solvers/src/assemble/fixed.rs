@@ -182,7 +182,7 @@ impl FixedSum {
         let is_far = self.terms.fixed().iter().any(|term| term.elsewhere().is_some());
         let far = self.terms.shared().filter(|_| is_far).and_then(|shared| shared.first_fault(x, t));
         for (term, potential) in self.terms.fixed().iter().enumerate() {
-            let name = || potential.name().to_owned();
+            let name = || Box::from(potential.name());
             if let (Some(elsewhere), Some((_, stencil))) =
                 (potential.elsewhere(), far.filter(|&(other, _)| other == term))
             {
@@ -246,7 +246,7 @@ fn first_fault(
             (true, None) => return None,
         };
         let element = potential.element(stencil);
-        let unexplained = Fault { element, quantity, value, domain: "must be finite" };
+        let unexplained = Fault { element, quantity, value, domain: "must be finite", at_any_state: false };
         Some((stencil, potential.fault(stencil, x, t).unwrap_or(unexplained)))
     })
 }

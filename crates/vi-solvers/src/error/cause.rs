@@ -13,6 +13,11 @@ impl SolverError {
         matches!(self, Self::MovesAway { .. })
     }
 
+    /// Returns whether a term has no value at a time, whatever the state. Then no other way to that time helps.
+    pub fn is_at_any_state(&self) -> bool {
+        matches!(self.without_contact(), Self::Term { term, .. } if term.fault.at_any_state)
+    }
+
     /// Returns the nodes of the pair that stopped a path, if that is the cause.
     pub fn obstacle(&self) -> Option<[u32; 4]> {
         match self {

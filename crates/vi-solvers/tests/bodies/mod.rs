@@ -170,7 +170,13 @@ impl Potential for Brittle {
     fn fault(&self, stencil: usize, x: &[f64], _t: f64) -> Option<Fault> {
         let e = Self::strain(x);
         let broken = e.abs() >= 1.0;
-        broken.then_some(Fault { element: stencil, quantity: "strain", value: e, domain: "must be below 1" })
+        broken.then_some(Fault {
+            element: stencil,
+            quantity: "strain",
+            value: e,
+            at_any_state: false,
+            domain: "must be below 1",
+        })
     }
 }
 

@@ -156,7 +156,7 @@ fn a_fault_names_the_first_stencil() {
     let fault = assembler.fault(&x, 0.0).unwrap();
     let stencils = system.potentials()[0].stencils();
     let first = (0..stencils.count()).find(|&s| stencils.of(s).contains(&20)).unwrap();
-    assert_eq!((fault.term.as_str(), fault.fault.element), ("springs", 7 * first));
+    assert_eq!((&*fault.term, fault.fault.element), ("springs", 7 * first));
 }
 
 #[test]

@@ -186,7 +186,10 @@ fn a_failed_step_leaves_the_state_and_names_the_place() {
             }
         }
         let error = failure.expect("the body is torn");
-        assert!(matches!(&error.cause, SolverError::Term { term, .. } if term.term == "brittle"), "{error}");
+        assert!(
+            matches!(&error.cause, SolverError::Term { term, .. } if &*term.term == "brittle"),
+            "{error}"
+        );
         state = start.clone();
     }
 }

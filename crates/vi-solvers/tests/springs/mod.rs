@@ -123,7 +123,13 @@ impl Potential for Springs {
         true
     }
     fn fault(&self, stencil: usize, _x: &[f64], _t: f64) -> Option<Fault> {
-        Some(Fault { element: 7 * stencil, quantity: "length", value: f64::NAN, domain: "must be a number" })
+        Some(Fault {
+            element: 7 * stencil,
+            quantity: "length",
+            value: f64::NAN,
+            at_any_state: false,
+            domain: "must be a number",
+        })
     }
 }
 

@@ -38,9 +38,9 @@ impl LiveSum {
             if self.block.is_some_and(|block| !stencils.block.is_multiple_of(block)) {
                 let domain = "must be a multiple of that of the fixed terms";
                 let value = stencils.block as f64;
-                let fault =
-                    Fault { element: 0, quantity: "coordinates per node of a stencil", value, domain };
-                return Err(TermFault { term: potential.name().to_owned(), fault });
+                let quantity = "coordinates per node of a stencil";
+                let fault = Fault { element: 0, quantity, value, domain, at_any_state: false };
+                return Err(TermFault { term: potential.name().into(), fault });
             }
         }
         let assembler = |potentials: Vec<Arc<dyn Potential>>| {
@@ -48,8 +48,9 @@ impl LiveSum {
             let terms = terms.map_err(|error| match error {
                 vi_core::CoreError::Stencil { term, stencil, node, .. } => {
                     let (quantity, domain) = ("node", "must be a node of the system");
-                    let fault = Fault { element: stencil, quantity, value: node as f64, domain };
-                    TermFault { term, fault }
+                    let fault =
+                        Fault { element: stencil, quantity, value: node as f64, domain, at_any_state: false };
+                    TermFault { term: term.into(), fault }
                 }
                 other => {
                     let fault = Fault {
@@ -57,8 +58,9 @@ impl LiveSum {
                         quantity: "term",
                         value: f64::NAN,
                         domain: "must have valid stencils",
+                        at_any_state: false,
                     };
-                    TermFault { term: other.to_string(), fault }
+                    TermFault { term: other.to_string().into(), fault }
                 }
             })?;
             Ok(FixedSum::new(terms, self.block))
