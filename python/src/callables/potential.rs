@@ -201,6 +201,12 @@ impl Potential for CallablePotential {
         self.energies(stencil..stencil + 1, x, t, &mut energy);
         let domain = "must be finite";
         let [value] = energy;
-        (!value.is_finite()).then_some(Fault { element: stencil, quantity: "energy", value, domain, at_any_state: false })
+        (!value.is_finite()).then_some(Fault {
+            element: stencil,
+            quantity: "energy",
+            value,
+            domain,
+            at_any_state: false,
+        })
     }
 }
