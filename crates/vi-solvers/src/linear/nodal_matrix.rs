@@ -18,47 +18,95 @@ pub(crate) struct NodalMatrix {
     /// The patterns of the matrices S_k, and where their entries (in row order) lie.
     parts: Vec<(Arc<Pattern>, Vec<u32>)>,
     nodes: Nodes,
+    /// The blocks of the last outer product. Most outer products of a pair have the same nodes, so that its blocks are sought once.
+    last: Blocks,
+}
+
+/// The nodal blocks of an outer product.
+#[derive(Default)]
+struct Blocks {
+    rows: Vec<u32>,
+    columns: Vec<u32>,
+    /// The entry of the pattern of each block, row by row.
+    entries: Vec<u32>,
 }
 
 /// The nodes of free coordinates.
 struct Nodes {
     /// Number of coordinates per node.
     block: usize,
-    /// The row and the axis of each free coordinate, as row · block + axis.
-    padded_of: Vec<u32>,
+    /// The row and the axis of each free coordinate. Divisions to find them took half of the time of [`NodalMatrix::add_outer`].
+    places: Vec<[u32; 2]>,
 }
 
 impl Nodes {
     fn new(pattern: &Pattern) -> Self {
-        let mut padded_of = vec![0; pattern.free_count];
-        for (padded, &free) in (0..).zip(&pattern.free_of) {
-            if free != NONE {
-                padded_of[free as usize] = padded;
+        let mut places = vec![[0, 0]; pattern.free_count];
+        for (row, free_of) in (0..).zip(pattern.free_of.chunks_exact(pattern.block)) {
+            for (axis, &free) in (0..).zip(free_of).filter(|(_, free)| **free != NONE) {
+                places[free as usize] = [row, axis];
             }
         }
-        Self { block: pattern.block, padded_of }
+        Self { block: pattern.block, places }
     }
 
-    /// Returns row and axis of a free coordinate.
-    fn of(&self, free: u32) -> (usize, usize) {
-        let padded = self.padded_of[free as usize] as usize;
-        (padded / self.block, padded % self.block)
+    /// Returns the axis of a free coordinate.
+    fn axis(&self, free: u32) -> usize {
+        self.places[free as usize][1] as usize
     }
 
-    /// Calls `each` with the row, the column and the entries of a and b of each nodal block of a ⊗ b.
-    fn for_each_block(
-        &self,
-        a: &Covector,
-        b: &Covector,
-        mut each: impl FnMut(usize, usize, &Covector, &Covector),
-    ) {
-        let is_same_node = |a: &(u32, f64), b: &(u32, f64)| self.of(a.0).0 == self.of(b.0).0;
-        for a in a.chunk_by(is_same_node) {
-            let row = self.of(a[0].0).0;
-            for b in b.chunk_by(is_same_node) {
-                each(row, self.of(b[0].0).0, a, b);
+    /// Adds factor · a ⊗ b to a block, where a and b belong to one node each.
+    fn add_block(&self, values: &mut [f64], factor: f64, a: &Covector, b: &Covector) {
+        if let (3, Ok(a), Ok(b)) = (self.block, <&[_; 3]>::try_from(a), <&[_; 3]>::try_from(b)) {
+            // All coordinates of both nodes are free, so that entry k belongs to axis k.
+            for i in 0..3 {
+                for j in 0..3 {
+                    values[3 * i + j] += factor * (a[i].1 * b[j].1);
+                }
+            }
+            return;
+        }
+        for &(i, a) in a {
+            let line = &mut values[self.axis(i) * self.block..][..self.block];
+            b.iter().for_each(|&(j, b)| line[self.axis(j)] += factor * (a * b));
+        }
+    }
+
+    /// Returns the entries of a covector by nodes, with the row of each node.
+    fn split<'a>(&self, a: &'a Covector) -> impl Iterator<Item = (u32, &'a Covector)> {
+        let row = |entry: &(u32, f64)| self.places[entry.0 as usize][0];
+        a.chunk_by(move |a, b| row(a) == row(b)).map(move |chunk| (row(&chunk[0]), chunk))
+    }
+}
+
+impl Blocks {
+    /// Finds the blocks of a ⊗ b; returns false if the pattern lacks some of them.
+    fn find(&mut self, pattern: &Pattern, nodes: &Nodes, a: &Covector, b: &Covector) -> bool {
+        let is_same = |kept: &[u32], covector: &Covector| {
+            nodes.split(covector).map(|(row, _)| row).eq(kept.iter().copied())
+        };
+        if is_same(&self.rows, a) && is_same(&self.columns, b) {
+            return true;
+        }
+        let Self { rows, columns, entries } = self;
+        for (kept, covector) in [(&mut *rows, a), (&mut *columns, b)] {
+            kept.clear();
+            kept.extend(nodes.split(covector).map(|(row, _)| row));
+        }
+        entries.clear();
+        for &row in &*rows {
+            for &column in &*columns {
+                match pattern.entry(row.max(column) as usize, row.min(column) as usize) {
+                    Some(entry) => entries.push(entry as u32),
+                    None => {
+                        rows.clear();
+                        columns.clear();
+                        return false;
+                    }
+                }
             }
         }
+        true
     }
 }
 
@@ -90,9 +138,9 @@ impl NodalMatrix {
         let mut entries: Vec<(u32, u32)> =
             patterns.flat_map(|pattern| pattern.entries()).map(|(row, column, _)| (row, column)).collect();
         couplings(&mut |a, b| {
-            nodes.for_each_block(a, b, |row, column, _, _| {
-                entries.push((row.max(column) as u32, row.min(column) as u32));
-            });
+            for (row, _) in nodes.split(a) {
+                entries.extend(nodes.split(b).map(|(column, _)| (row.max(column), row.min(column))));
+            }
         });
         entries.sort_unstable();
         entries.dedup();
@@ -108,7 +156,7 @@ impl NodalMatrix {
         };
         let length = pattern.columns.len() * pattern.block * pattern.block;
         let sides = [vec![0.0; length], vec![0.0; length]];
-        let mut matrix = Self { pattern, sides, parts: Vec::new(), nodes };
+        let mut matrix = Self { pattern, sides, parts: Vec::new(), nodes, last: Blocks::default() };
         matrix.find(parts);
         Ok((matrix, is_new))
     }
@@ -121,11 +169,8 @@ impl NodalMatrix {
     ) -> bool {
         let mut has_all = self.find(parts);
         if has_all {
-            couplings(&mut |a, b| {
-                self.nodes.for_each_block(a, b, |row, column, _, _| {
-                    has_all &= self.pattern.entry(row.max(column), row.min(column)).is_some();
-                });
-            });
+            let Self { pattern, nodes, last, .. } = self;
+            couplings(&mut |a, b| has_all &= last.find(pattern, nodes, a, b));
         }
         has_all
     }
@@ -164,26 +209,48 @@ impl NodalMatrix {
         }
     }
 
-    /// Adds factor · a ⊗ b, one of the outer products for which the pattern was made.
-    pub(crate) fn add_outer(&mut self, factor: f64, a: &Covector, b: &Covector) {
-        let Self { pattern, sides: [lower, upper], nodes, .. } = self;
-        let block = nodes.block;
-        nodes.for_each_block(a, b, |row, column, a, b| {
-            let Some(entry) = pattern.entry(row.max(column), row.min(column)) else { return };
-            let values = entry * block * block..(entry + 1) * block * block;
-            let (lower, upper) = (&mut lower[values.clone()], &mut upper[values]);
-            for &(i, a) in a {
-                for &(j, b) in b {
-                    let (i, j, value) = (nodes.of(i).1, nodes.of(j).1, factor * a * b);
-                    if row >= column {
-                        lower[i * block + j] += value;
-                    }
-                    if row <= column {
-                        upper[j * block + i] += value;
-                    }
+    /// Returns the diagonal on the free coordinates.
+    pub(crate) fn diagonal(&self) -> Vec<f64> {
+        let mut diagonal = vec![0.0; self.pattern.free_count];
+        self.pattern.free_diagonal().for_each(|(place, free)| diagonal[free] = self.sides[0][place]);
+        diagonal
+    }
+
+    /// Scales A_ij ← s_i A_ij s_j.
+    pub(crate) fn scale(&mut self, scales: &[f64]) {
+        let Self { pattern, sides, nodes: Nodes { block, .. }, .. } = self;
+        let (block, area) = (*block, *block * *block);
+        let mut padded = vec![0.0; pattern.free_of.len()];
+        pattern.spread(scales, &mut padded);
+        for (row, column, entry) in pattern.entries() {
+            let [rows, columns] = [row, column].map(|node| &padded[node as usize * block..][..block]);
+            for side in &mut *sides {
+                for (line, row) in side[entry * area..][..area].chunks_exact_mut(block).zip(rows) {
+                    line.iter_mut().zip(columns).for_each(|(value, column)| *value *= row * column);
                 }
             }
-        });
+        }
+    }
+
+    /// Adds factor · a ⊗ b, one of the outer products for which the pattern was made.
+    pub(crate) fn add_outer(&mut self, factor: f64, a: &Covector, b: &Covector) {
+        let Self { pattern, sides: [lower, upper], nodes, last, .. } = self;
+        if !last.find(pattern, nodes, a, b) {
+            return;
+        }
+        let area = nodes.block * nodes.block;
+        let mut entries = last.entries.iter();
+        for (row, a) in nodes.split(a) {
+            for ((column, b), &entry) in nodes.split(b).zip(&mut entries) {
+                let values = entry as usize * area..(entry as usize + 1) * area;
+                if row >= column {
+                    nodes.add_block(&mut lower[values.clone()], factor, a, b);
+                }
+                if row <= column {
+                    nodes.add_block(&mut upper[values], factor, b, a);
+                }
+            }
+        }
     }
 
     /// Computes y = A x.

@@ -5,4 +5,4 @@ pub(crate) mod cluster;
 pub(crate) mod manifold;
 pub(crate) mod middle;
 pub(crate) mod multipliers;
-mod units;
+pub(super) mod units;

@@ -6,6 +6,7 @@
 //! with their full relative precision, and not from differences of positions. The solution minimises Φ(w) = ½ wᵀM w +
 //! c V(x(û + w, t_s)).
 
+mod bordered;
 mod complete_tangent;
 mod end_damping;
 mod middle;

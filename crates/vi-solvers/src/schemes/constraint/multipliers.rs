@@ -20,7 +20,6 @@ use vi_core::{State, System};
 
 use crate::assemble::evaluator::Evaluator;
 use crate::error::SolverError;
-use crate::linear::unsymmetric::Unsymmetric;
 use crate::newton::inverse::Inverse;
 use crate::schemes::constraint::manifold::{ConstraintManifold, Row};
 use crate::schemes::constraint::units::Factored;
@@ -188,19 +187,23 @@ impl Multipliers {
         (!self.manifold.is_redundant()).then_some(self.forces.len())
     }
 
-    /// Completes the matrix J of M w + c ∂V/∂q to that of the equations with the multipliers c Δℓ as further unknowns,
-    /// [J + c Σ ℓ ∂N/∂q, Nᵀ; G₁, 0]; `first` is the number of coordinates. The right side is continued by
-    /// [`Multipliers::complete_rhs`].
-    pub(crate) fn complete(&self, c: f64, matrix: &mut Unsymmetric, first: usize) {
-        let first = first as u32;
-        self.manifold
-            .for_each_direction(|free, multiplier, value| matrix.add(free, first + multiplier, value));
+    /// Calls `each` with the entries of Nᵀ: free coordinate, multiplier and value. With further unknowns c Δℓ the equations of
+    /// J = M + c ∂²V/∂q² become [J + c Σ ℓ ∂N/∂q, Nᵀ; G₁, 0]; the right side is continued by [`Multipliers::complete_rhs`].
+    pub(crate) fn for_each_direction(&self, each: impl FnMut(u32, u32, f64)) {
+        self.manifold.for_each_direction(each);
+    }
+
+    /// Calls `each` with the entries of Σ ℓ ∂N/∂q on the free coordinates: row, column and value. There are none if N does not depend
+    /// on the stage.
+    pub(crate) fn for_each_curvature(&self, each: impl FnMut(u32, u32, f64)) {
         if self.directions == MultiplierDirections::Stage {
-            self.manifold.for_each_curvature(&self.forces, |i, j, value| matrix.add(i, j, c * value));
+            self.manifold.for_each_curvature(&self.forces, each);
         }
-        for (multiplier, row) in self.rows.iter().enumerate() {
-            row.iter().for_each(|&(free, value)| matrix.add(first + multiplier as u32, free, value));
-        }
+    }
+
+    /// Returns the rows of G₁.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &[(u32, f64)]> {
+        self.rows.iter().map(Vec::as_slice)
     }
 
     /// Appends −g/s to the right side of the equations of [`Multipliers::complete`].

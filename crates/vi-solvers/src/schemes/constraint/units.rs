@@ -26,6 +26,16 @@ impl Units {
         Self(diagonal.iter().map(unit).collect())
     }
 
+    /// Returns 1/u_i for each row.
+    pub(crate) fn scales(&self) -> Vec<f64> {
+        self.0.iter().map(|unit| 1.0 / unit).collect()
+    }
+
+    /// Scales x_i ← x_i/u_i.
+    pub(crate) fn divide(&self, x: &mut [f64]) {
+        x.iter_mut().zip(&self.0).for_each(|(x, unit)| *x /= unit);
+    }
+
     /// Solves S λ = r with S scaled to these units; by least squares if `is_redundant`.
     pub(crate) fn solve(
         &self,
@@ -80,12 +90,13 @@ enum Factor {
 impl Factored {
     /// Solves S λ = r; `None` if S is singular.
     pub(crate) fn solve(&self, rhs: &DVector<f64>) -> Option<DVector<f64>> {
-        let Units(units) = &self.units;
-        let rhs = DVector::from_fn(rhs.len(), |i, _| rhs[i] / units[i]);
-        let solved = match &self.factor {
+        let mut rhs = rhs.clone();
+        self.units.divide(rhs.as_mut_slice());
+        let mut solved = match &self.factor {
             Factor::Independent(factor) => factor.solve(&rhs),
             Factor::Redundant(factor, limit) => factor.solve(&rhs, *limit).ok(),
-        };
-        solved.map(|solved| DVector::from_fn(rhs.len(), |i, _| solved[i] / units[i]))
+        }?;
+        self.units.divide(solved.as_mut_slice());
+        Some(solved)
     }
 }
