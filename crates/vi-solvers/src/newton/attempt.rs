@@ -57,6 +57,8 @@ pub(super) struct Attempt {
     pub(super) with_factor: u64,
     pub(super) first_eta: f64,
     pub(super) last_eta: Option<f64>,
+    /// The iteration with the current factor from which the mean contraction counts, and its error.
+    settled: (u64, f64),
 }
 
 impl Attempt {
@@ -71,6 +73,7 @@ impl Attempt {
             with_factor: 0,
             first_eta: 0.0,
             last_eta: None,
+            settled: (0, 0.0),
         }
     }
 
@@ -109,20 +112,25 @@ impl Attempt {
         }
     }
 
-    /// Records the error of an iteration; returns its ratio to the previous one.
-    pub(super) fn record(&mut self, eta: f64) -> Option<f64> {
+    /// Records the error of an iteration; returns its ratio to the previous one. The ratios of the first `transient` iterations with a
+    /// factor say little about it.
+    pub(super) fn record(&mut self, eta: f64, transient: u64) -> Option<f64> {
         let contraction = self.last_eta.map(|last| eta / last);
         if self.last_eta.is_none() {
             self.first_eta = eta;
+        }
+        if self.with_factor <= 1 + transient {
+            self.settled = (self.with_factor, eta);
         }
         self.last_eta = Some(eta);
         contraction
     }
 
-    /// Returns the mean ratio of errors since the factor was made or the step began.
+    /// Returns the mean ratio of errors since the factor was made or the step began, without the first ones if they say little.
     pub(super) fn mean_contraction(&self) -> Option<f64> {
-        let steps = self.with_factor.checked_sub(1).filter(|&steps| steps > 0)?;
-        let ratio = self.last_eta? / self.first_eta;
+        let (since, eta) = self.settled;
+        let steps = self.with_factor.checked_sub(since).filter(|&steps| steps > 0)?;
+        let ratio = self.last_eta? / eta;
         (ratio > 0.0).then(|| ratio.powf(1.0 / steps as f64))
     }
 }
@@ -136,7 +144,7 @@ mod tests {
     fn only_factors_without_a_gain_count_as_troubles() {
         let mut attempt = Attempt::new(false);
         let mut troubles = |eta: f64| {
-            attempt.record(eta);
+            attempt.record(eta, 0);
             attempt.escalate(Reason::Slow);
             attempt.troubles
         };

@@ -71,8 +71,6 @@ impl Newton {
 
     fn full_steps<E: Equations>(&self, solve: &mut Solve<'_, E>, tolerance: f64) -> Result<u32, SolverError> {
         let to_round_off = tolerance <= ROUND_OFF;
-        // Differences of corrections need the same linear map for all of them, which GMRES is not.
-        solve.equations.solve_accurately(false);
         let mut kind = HessianEvaluation::Exact;
         let mut last: Option<f64> = None;
         let mut eta = f64::INFINITY;

@@ -33,10 +33,10 @@ pub(crate) trait Equations {
     fn least_contraction(&self) -> f64 {
         0.0
     }
-    /// Solves the coupled linear equations of several stages accurately in all further corrections of the step, or again
-    /// approximately; returns whether this makes a difference.
-    fn solve_accurately(&mut self, _accurately: bool) -> bool {
-        false
+    /// Returns the number of iterations with a factor whose contraction says little about it, because A stands for the coupled equations
+    /// of several stages.
+    fn transient_iterations(&self) -> u64 {
+        0
     }
     /// Returns the unknowns, for [`Equations::go_to`].
     fn unknowns(&self) -> &[f64];

@@ -1,7 +1,7 @@
 //! Newton's method for the equations of an implicit step, with the cheapest factor that converges. It escalates in
-//! this order: the rotated old factor; accurate solutions of linear equations that were solved approximately; a factor at
-//! the iterate; descent by full Newton steps, with projected Hessians if needed (`descent`); an error with the facts. The
-//! caller may then halve the step; this file does not, because that changes h.
+//! this order: the rotated old factor; a factor at the iterate; descent by full Newton steps, with projected Hessians if
+//! needed (`descent`); an error with the facts. The caller may then halve the step; this file does not, because that
+//! changes h.
 
 use crate::error::SolverError;
 use crate::memory::StepperMemory;
@@ -19,7 +19,7 @@ use crate::options::SolverOptions;
 const SEARCH_ABOVE: f64 = 1e-3;
 /// Relative error of a start above which the other starts are compared.
 const DOUBT_ABOVE: f64 = 0.05;
-/// Contraction per iteration below which a fresh factor of a partial model is kept. A block that sticks on a slope
+/// Contraction per iteration below which a fresh factor of a partial model, or of several stages, is kept. A block that sticks on a slope
 /// contracts by 0.2; renewing its factor led to 70 failed iterations per step, keeping it to 3.
 const STEADY: f64 = 0.5;
 /// Number of new factors without a gain that slow convergence may request inside one step before the descent begins.
@@ -127,7 +127,7 @@ impl Newton {
             solve.equations.advance(longest);
             let scale = solve.equations.energy_scale();
             let eta = relative_error(decrement, scale);
-            let contraction = attempt.record(eta);
+            let contraction = attempt.record(eta, solve.equations.transient_iterations());
             if longest == 1.0 && self.is_converged(solve, attempt.to_round_off, eta, contraction) {
                 self.renewal.record(attempt.with_factor, attempt.mean_contraction());
                 return Ok(Course::Solved(Solved { iterations: iteration }));
@@ -135,10 +135,8 @@ impl Newton {
             let diverges = contraction.is_some_and(|theta| theta > 2.0) || !eta.is_finite();
             let gone = if diverges { None } else { self.accept(solve, eta, decrement, longest).ok() };
             let Some(fraction) = gone else {
-                // Start again, with a factor at the new place if nothing else helps.
-                if !self.solves_accurately(solve, &mut attempt) {
-                    attempt.escalate(Reason::Slow);
-                }
+                // Start again, with a factor at the new place.
+                attempt.escalate(Reason::Slow);
                 self.begin(solve, attempt.safer_start())?;
                 self.anderson.restart();
                 continue;
@@ -249,17 +247,9 @@ impl Newton {
         }
     }
 
-    fn consider_new_factor<E: Equations>(
-        &mut self,
-        solve: &mut Solve<'_, E>,
-        attempt: &mut Attempt,
-        eta: f64,
-    ) {
+    fn consider_new_factor<E: Equations>(&self, solve: &Solve<'_, E>, attempt: &mut Attempt, eta: f64) {
         if solve.inverse.is_linear() {
             // A new factor would be the same.
-            if attempt.mean_contraction().is_some_and(|theta| theta > 1.0) {
-                self.solves_accurately(solve, attempt);
-            }
             return;
         }
         if attempt.to_round_off && solve.equations.model_is_exact() {
@@ -283,27 +273,15 @@ impl Newton {
         } else {
             f64::INFINITY
         };
-        if !self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining)
-            || self.solves_accurately(solve, attempt)
-        {
+        if !self.renewal.is_slow(solve.inverse.costs(), attempt.with_factor, remaining) {
             return;
         }
-        let is_near = attempt.is_renewed && attempt.first_eta <= DOUBT_ABOVE;
-        if least > 0.0 && is_near && theta < 1.0 {
+        let is_near = attempt.first_eta <= DOUBT_ABOVE || theta < STEADY;
+        if least > 0.0 && attempt.is_renewed && is_near && theta < 1.0 {
             // For stages with one K, a factor made near the solution is as good as any.
             return;
         }
         attempt.escalate(Reason::Slow);
-    }
-
-    /// Solves linear equations accurately from now on; returns false if they already were.
-    fn solves_accurately<E: Equations>(&mut self, solve: &mut Solve<'_, E>, attempt: &mut Attempt) -> bool {
-        let changes = solve.equations.solve_accurately(true);
-        if changes {
-            attempt.restart();
-            self.anderson.restart();
-        }
-        changes
     }
 
     pub(crate) fn save(&self, memory: &mut StepperMemory) {
