@@ -263,14 +263,16 @@ fn a_linear_system_factors_once_and_iterates_once() {
     }
 }
 
-/// While a body moves little, the coupled equations of the stages of a Gauss step are nearly linear. Then a few factors and iterations
-/// suffice for three and more stages, although h times the highest frequency is up to 20.
+/// While a body moves little, the coupled equations of the stages of a Gauss step are nearly linear. Then a few factors, and twenty solves
+/// per stage, suffice for any number of stages, although h times the highest frequency is up to 20. An iteration makes one solve per
+/// stage. (Splittings of least spectral radius needed up to 12 factors and, with accurate solutions by GMRES, 38 solves per stage.)
 #[test]
 fn coupled_stages_of_small_motions_converge_with_few_factors() {
     let chain = SpringChain::unit(30);
     let system = chain.system().unwrap();
     for h in [2.0, 10.0] {
-        for method in (3..=5).map(|stages| Method::Gauss { stages }) {
+        for stages in 2..=5 {
+            let method = Method::Gauss { stages };
             let x: Vec<f64> = (0..90).map(|dof| if dof % 3 == 0 { (dof / 3) as f64 } else { 0.0 }).collect();
             let v: Vec<f64> = (0..90).map(|dof| 1e-6 * (f64::from(dof) * 1.7).sin()).collect();
             let mut state = system.state(0.0, &x, &v).unwrap();
@@ -281,9 +283,9 @@ fn coupled_stages_of_small_motions_converge_with_few_factors() {
                 assert!(outcome.is_ok(), "{method:?}, h = {h}, step {step}: {outcome:?}");
             }
             let work = stepper.work();
-            let [factors, iterations] = [work.factorizations, work.newton_iterations];
-            assert!(factors <= 2 * steps, "{method:?}, h = {h}: {factors}");
-            assert!(iterations <= 12 * steps, "{method:?}, h = {h}: {iterations}");
+            let [factors, solves] = [work.factorizations, work.solves];
+            assert!(factors <= 4, "{method:?}, h = {h}: {factors}");
+            assert!(solves <= 20 * stages as u64 * steps, "{method:?}, h = {h}: {solves}");
         }
     }
 }
