@@ -17,6 +17,7 @@ mod ordering;
 pub(crate) mod pcg;
 pub(crate) mod pencil;
 pub(crate) mod perturbed;
+pub(crate) mod refinement;
 mod rivalry;
 pub(crate) mod trial;
 pub(crate) mod unsymmetric;

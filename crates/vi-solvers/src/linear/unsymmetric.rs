@@ -11,11 +11,8 @@ use faer::{Conj, MatMut, Par};
 
 use crate::error::SolverError;
 use crate::linear::matrix::SymmetricMatrix;
+use crate::linear::refinement::solve_refined;
 use crate::vectors::per_unit;
-
-/// Number of times that the residual of a solution is solved for. One refinement makes the residual of every row small
-/// relative to its own entries.
-const REFINEMENTS: u32 = 1;
 
 /// A square matrix, most of whose entries are zero.
 #[derive(Default)]
@@ -127,16 +124,8 @@ impl Unsymmetric {
             return Err(SolverError::Singular { rows: b.len() });
         };
         let factored = Factored { pattern, values: &scaled.values, numeric: &self.numeric };
-        let mut rest: Vec<f64> = b.iter().zip(&scaled.rows).map(|(b, scale)| b * scale).collect();
-        b.fill(0.0);
-        for refinement in 0..=REFINEMENTS {
-            let mut change = rest.clone();
-            factored.solve(&mut change)?;
-            b.iter_mut().zip(&change).for_each(|(x, change)| *x += change);
-            if refinement < REFINEMENTS {
-                factored.subtract_product(&change, &mut rest);
-            }
-        }
+        b.iter_mut().zip(&scaled.rows).for_each(|(b, scale)| *b *= scale);
+        solve_refined(b, |b| factored.solve(b), |x, rest| factored.subtract_product(x, rest))?;
         b.iter_mut().zip(&scaled.columns).for_each(|(x, scale)| *x *= scale);
         Ok(())
     }

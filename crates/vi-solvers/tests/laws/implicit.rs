@@ -283,8 +283,9 @@ fn coupled_stages_of_small_motions_converge_with_few_factors() {
                 assert!(outcome.is_ok(), "{method:?}, h = {h}, step {step}: {outcome:?}");
             }
             let work = stepper.work();
-            let [factors, solves] = [work.factorizations, work.solves];
+            let [factors, solves, iterations] = [work.factorizations, work.solves, work.newton_iterations];
             assert!(factors <= 4, "{method:?}, h = {h}: {factors}");
+            assert!(h > 2.0 || iterations <= 12 * steps, "{method:?}, h = {h}: {iterations}");
             assert!(solves <= 20 * stages as u64 * steps, "{method:?}, h = {h}: {solves}");
         }
     }

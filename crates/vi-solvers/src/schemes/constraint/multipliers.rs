@@ -206,7 +206,7 @@ impl Multipliers {
         self.rows.iter().map(Vec::as_slice)
     }
 
-    /// Appends −g/s to the right side of the equations of [`Multipliers::complete`].
+    /// Appends −g/s to the right side of the equations with the further unknowns c Δℓ.
     pub(crate) fn complete_rhs(&self, rhs: &mut Vec<f64>) {
         rhs.extend(self.defect.iter().map(|defect| -defect / self.end_per_stage));
     }

@@ -9,10 +9,8 @@ use nalgebra::{DMatrix, DVector};
 use crate::error::SolverError;
 use crate::linear::factor::lu::Lu;
 use crate::linear::nodal_matrix::{Covector, NodalMatrix};
+use crate::linear::refinement::solve_refined;
 use crate::schemes::constraint::units::{Factored, Units};
-
-/// Number of refinements of a solution. One refinement makes the residual of the whole equations small, as that of general factors is.
-const REFINEMENTS: usize = 1;
 
 /// The constraints of a tangent, with the factors of their Schur complement. All matrices are scaled to the units of A.
 pub(super) struct Border {
@@ -73,16 +71,11 @@ impl Border {
     ) -> Result<(), SolverError> {
         let free_count = rhs.len() - self.rows.len();
         self.units.divide(&mut rhs[..free_count]);
-        let mut rest = rhs.to_vec();
-        rhs.fill(0.0);
-        for refinement in 0..=REFINEMENTS {
-            let mut change = rest.clone();
-            self.eliminate(matrix, factors, &mut change)?;
-            rhs.iter_mut().zip(&change).for_each(|(solution, change)| *solution += change);
-            if refinement < REFINEMENTS {
-                self.subtract_product(matrix, &change, &mut rest);
-            }
-        }
+        solve_refined(
+            rhs,
+            |rhs| self.eliminate(matrix, factors, rhs),
+            |solution, rest| self.subtract_product(matrix, solution, rest),
+        )?;
         self.units.divide(&mut rhs[..free_count]);
         match rhs.iter().all(|value| value.is_finite()) {
             true => Ok(()),
@@ -106,9 +99,9 @@ impl Border {
     }
 
     /// Subtracts (A x + B λ, C x) from `rest`.
-    fn subtract_product(&self, matrix: &NodalMatrix, change: &[f64], rest: &mut [f64]) {
-        let free_count = change.len() - self.rows.len();
-        let (x, lambda) = change.split_at(free_count);
+    fn subtract_product(&self, matrix: &NodalMatrix, solution: &[f64], rest: &mut [f64]) {
+        let free_count = solution.len() - self.rows.len();
+        let (x, lambda) = solution.split_at(free_count);
         let mut forces = vec![0.0; free_count];
         matrix.multiply(x, &mut forces);
         let (forces_left, defects_left) = rest.split_at_mut(free_count);
