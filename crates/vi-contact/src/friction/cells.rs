@@ -94,7 +94,8 @@ impl Contact<'_> {
     /// Returns the cell of a body that is nearest to a point at x, and the smallest distance, m. Of cells that are equally near up to a relative
     /// difference, such as those of an edge, only those that face the point count: at the edge of a block, friction acts along the face on
     /// which the point lies, and not along the other one, whose tangents contain the direction of pressure. Of these it is `kept`, or the
-    /// one whose centroid is nearest at x₀: the choice must not depend on numbers of nodes and cells.
+    /// one whose centroid is nearest at x₀, or the first of those whose centroids are equally near: cells follow each other by their places
+    /// at rest, so that the choice depends neither on numbers of nodes and cells nor on round-off.
     fn nearest_cell_at(
         &self,
         point: u32,
@@ -131,9 +132,13 @@ impl Contact<'_> {
             all.iter().filter(|(_, closest)| is_nearest(closest)).map(with_facing).collect();
         let most = ties.iter().map(|&(_, facing)| facing).fold(0.0, f64::max);
         ties.retain(|&(_, facing)| facing >= most - SAME_FACING);
-        let ties = || ties.iter().map(|&(cell, _)| cell);
-        let kept = kept.filter(|&kept| ties().any(|cell| cell == kept));
-        let cell = kept.or_else(|| ties().min_by(|&a, &b| to_centroid(a).total_cmp(&to_centroid(b))))?;
+        if let Some(&(cell, _)) = ties.iter().find(|&&(cell, _)| Some(cell) == kept) {
+            return Some((cell, nearest));
+        }
+        let ties: Vec<_> = ties.iter().map(|&(cell, _)| (cell, to_centroid(cell))).collect();
+        let least = ties.iter().map(|&(_, distance)| distance).fold(f64::INFINITY, f64::min);
+        let is_least = |distance: f64| distance <= least * (1.0 + SAME_DISTANCE);
+        let cell = ties.iter().filter(|&&(_, distance)| is_least(distance)).map(|&(cell, _)| cell).min()?;
         Some((cell, nearest))
     }
 
