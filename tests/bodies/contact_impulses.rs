@@ -134,3 +134,52 @@ angular_velocity = [19.7, 8.42, 5.28]
         }
     }
 }
+
+/// Two soft blocks that meet a free rigid cylinder from both sides: the impulses of the explicit drift sum to zero, whatever Newton's method
+/// leaves of its equations and however small the step is.
+#[test]
+fn explicit_impulses_between_soft_and_rigid_bodies_sum_to_zero() {
+    let block = |name: &str, element: &str, young: f64, place: &str, velocity: &str| {
+        format!(
+            r#"
+[[body]]
+name = "{name}"
+box = {{ size = [0.1, 0.1, 0.1], cells = [2, 2, 2], element = "{element}" }}
+material = {{ law = "neo-hookean", young = {young}, poisson = 0.3, density = 1000.0 }}
+translate = {place}
+velocity = {velocity}
+"#
+        )
+    };
+    let soft = block("soft", "tet4", 1e6, "[0.0336, -0.14, -0.038]", "[0.2652, 3.0, -0.2781]");
+    let hard = block("hard", "hex8", 1e8, "[0.0154, 0.03, -0.0595]", "[0.443, -3.0, -0.4744]");
+    for friction in [0.0, 0.3] {
+        let run = Program::run(&format!(
+            r#"
+[time]
+end = 0.012
+step = 1e-4
+scheme = "stormer-verlet"
+[contact]
+friction = {friction}
+[[rigid]]
+name = "cylinder"
+shape = {{ kind = "cylinder", length = 0.3, radius = 0.02 }}
+density = 757.9
+velocity = [-0.0416, -0.138, 0.1]
+{soft}{hard}
+[output]
+history = 1
+"#
+        ));
+        let history = run.history();
+        assert!(history.column("pairs").iter().any(|&pairs| pairs > 10.0));
+        for (name, bound) in
+            [("px", 1e-13), ("py", 1e-13), ("pz", 1e-13), ("lx", 1e-12), ("ly", 1e-12), ("lz", 1e-12)]
+        {
+            let values = history.column(name);
+            let off = values.iter().map(|value| (value - values[0]).abs()).fold(0.0, f64::max);
+            assert!(off < bound, "{name} with μ = {friction}: off by {off:e}");
+        }
+    }
+}

@@ -137,7 +137,9 @@ fn a_scene_moves_far_from_the_origin_as_it_does_near() {
 
 #[test]
 fn equilibria_far_from_the_origin_are_those_near() {
-    for (name, body) in [("solid", SOLID), ("ties", TIES)] {
+    // The tied sheets buckle under weight in their plane, to either side: a part across the plane decides to which.
+    let across = TIES.replace("gravity = [0.0, -9.81, 0.0]", "gravity = [0.0, -9.81, 0.5]");
+    for (name, body) in [("solid", SOLID), ("ties", &across)] {
         check_moved(&format!("{name}, static"), &statics(body));
     }
 }

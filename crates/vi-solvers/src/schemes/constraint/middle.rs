@@ -124,6 +124,27 @@ impl ConstrainedBodies {
         cluster.project_positions(y, &[], 1.0).map(|_| ())
     }
 
+    /// Returns the free coordinates of a cluster.
+    pub(crate) fn free(&self, cluster: usize) -> &[u32] {
+        &self.clusters[cluster].free
+    }
+
+    /// Returns the forces Nᵀℓ (N) of the constraints of a cluster for the step from `start` to `y`. `residual` has M (y − u)/c + f at each
+    /// coordinate of the cluster.
+    ///
+    /// # Errors
+    /// Returns [`SolverError::ConstraintDefect`] if constraints that were independent of each other depend on each other here.
+    pub(crate) fn reactions(
+        &mut self,
+        cluster: usize,
+        ends: [&[f64]; 2],
+        residual: &[f64],
+    ) -> Result<Vec<f64>, SolverError> {
+        let cluster = &mut self.clusters[cluster];
+        let lambda = multipliers(cluster, ends, self.is_ranked, residual)?;
+        Ok(cluster.normal.tr_mul(&lambda).as_slice().to_vec())
+    }
+
     /// Returns the tangent space of a cluster at the iterate `y` of a step from `start`. `residual` returns M (y − u)/c + f at each
     /// coordinate of the cluster.
     ///
@@ -137,19 +158,15 @@ impl ConstrainedBodies {
         residual: &[f64],
     ) -> Result<TangentSpace, SolverError> {
         let cluster = &mut self.clusters[cluster];
-        let metric = set_middle(cluster, start, y, self.is_ranked);
+        let lambda = multipliers(cluster, [start, y], self.is_ranked, residual)?;
         let left = null_space(cluster, self.per_unit);
-        let weighted = cluster.inverse_mass.component_mul(&DVector::from_column_slice(residual));
-        let along = &cluster.normal * weighted;
-        let dependent = |cluster: &Cluster| cluster.failure(0, 0, f64::NAN);
-        let lambda = -cluster.solve(metric, &along).ok_or_else(|| dependent(cluster))?;
         // Remove the parts across the manifold at y.
         cluster.place(y, &[]);
         let g = cluster.jacobian();
         let across = cluster.factor(cluster.metric(&g, &g));
         let mut right = left.clone();
         for mut column in right.column_iter_mut() {
-            let part = across.solve(&(&g * &column)).ok_or_else(|| dependent(cluster))?;
+            let part = across.solve(&(&g * &column)).ok_or_else(|| cluster.failure(0, 0, f64::NAN))?;
             column -= cluster.inverse_mass.component_mul(&g.tr_mul(&part));
         }
         let mut inertia = cluster.curvature(lambda.as_slice()) * 0.5;
@@ -159,6 +176,20 @@ impl ConstrainedBodies {
         let inertia = left.tr_mul(&(inertia * &right));
         Ok(TangentSpace { left, right, inertia })
     }
+}
+
+/// Takes the directions N in the middle of the step from `start` to `end`; returns the multipliers ℓ, for which N M⁻¹ (residual + Nᵀℓ) is zero.
+fn multipliers(
+    cluster: &mut Cluster,
+    [start, end]: [&[f64]; 2],
+    is_ranked: bool,
+    residual: &[f64],
+) -> Result<DVector<f64>, SolverError> {
+    let metric = set_middle(cluster, start, end, is_ranked);
+    let weighted = cluster.inverse_mass.component_mul(&DVector::from_column_slice(residual));
+    let along = &cluster.normal * weighted;
+    let lambda = cluster.solve(metric, &along).ok_or_else(|| cluster.failure(0, 0, f64::NAN))?;
+    Ok(-lambda)
 }
 
 /// Takes the directions in the middle of a step; returns their metric.

@@ -1,8 +1,10 @@
 //! A drift in which live terms act that list their pairs (`DiscreteGradient::acting`). It solves for the coordinates in
 //! contact only:
 //! ```text
-//! R(y) = M (y − u) + ½h² G(x₀, y) = 0,   u = q₀ + h M⁻¹p₀,   p₁ = M (2 (y − q₀)/h − M⁻¹p₀).
+//! R(y) = M (y − u) + ½h² G(x₀, y) = 0,   u = q₀ + h M⁻¹p₀,   p₁ = p₀ − h G.
 //! ```
+//! The impulses −h G are those of the linear model at the last iterate. They sum to zero over the pairs, so that p₁ has the momentum of p₀ to
+//! round-off, and not only to the error and the resolution of y, divided by h.
 //! The mass is diagonal and the pairs are few. So the system of a Newton step is small; it is not symmetric and is
 //! solved iteratively, with an incomplete factor. If a correction would move pairs through each other, the nodes of these
 //! pairs make only a part of it, and all others make the whole correction. Bodies with constraints, such as free rigid bodies,
@@ -49,9 +51,9 @@ pub(super) struct Touching {
     /// The bodies with constraints, if there are any.
     bodies: Option<ConstrainedBodies>,
     small: Small,
-    /// The free coordinates at the end of the drift if no term acts, m, and the impulses of constraints that lead there, N s; both
-    /// empty if that is `small.drifted`.
+    /// The free coordinates at the end of the drift if no term acts, m; empty if that is `small.drifted`.
     inertial: Vec<f64>,
+    /// The impulses of terms and constraints that lead to the end of the drift, N s per free coordinate.
     impulses: Vec<f64>,
     y: Vec<f64>,
     x_start: Vec<f64>,
@@ -114,9 +116,10 @@ impl Touching {
         u.resize(mass.len(), 0.0);
         vectors::fill(&mut u, |k| state.q[k] + h * state.p[k] / mass[k]);
         coordinates.embed(&state.q, state.t, &mut self.x_start);
+        self.impulses.clear();
+        self.impulses.resize(mass.len(), 0.0);
         if let Some(bodies) = &mut self.bodies {
             self.inertial.clone_from(&u);
-            self.impulses.resize(mass.len(), 0.0);
             bodies.drift(&state.q, &mut self.inertial, h, &mut self.impulses)?;
         }
         self.small.drifted = u;
@@ -126,41 +129,51 @@ impl Touching {
         self.lists.follow(&self.x_start, &self.x_end);
         self.work = Work { searches: self.lists.searches() - searches, ..Work::default() };
         if self.lists.is_empty() && !self.passage.remembers() {
-            return Ok(self.drift_freely(system, state, h));
+            return Ok(self.drift_freely(state, h));
         }
         self.passage.open(&self.x_start, StepSpan { duration: h, acts_at_end: false, damps_end: false });
         let outcome = self.solve(system, state, h, may_divide);
         self.work.searches = self.lists.searches() - searches;
         match outcome? {
             true => self.close(system, state, h, may_divide).map(Some),
-            false => Ok(self.drift_freely(system, state, h)),
+            false => Ok(self.drift_freely(state, h)),
         }
     }
 
     /// Drifts `state` by h without terms if there are bodies with constraints; otherwise the caller does.
-    fn drift_freely(&mut self, system: &System, state: &mut State, h: f64) -> Option<StepEnergy> {
+    fn drift_freely(&mut self, state: &mut State, h: f64) -> Option<StepEnergy> {
         self.passage.pass_freely();
         self.bodies.as_ref()?;
         self.y.clone_from(&self.inertial);
-        self.move_to_end(system, state, h);
+        self.move_to_end(state, h);
         Some(StepEnergy::default())
     }
 
     /// Moves `state` to the end y of the drift.
-    fn move_to_end(&self, system: &System, state: &mut State, h: f64) {
-        let mass = system.free_mass();
-        let is_inertial = |k: usize| self.inertial.get(k).is_some_and(|end| self.y[k] == *end);
+    fn move_to_end(&self, state: &mut State, h: f64) {
         vectors::update_pair(&mut state.q, &mut state.p, |k, q, p| {
-            if self.y[k] != self.small.drifted[k] {
-                // Impulses are known to more digits than differences of positions.
-                *p = match is_inertial(k) {
-                    true => *p + self.impulses[k],
-                    false => mass[k] * (2.0 * (self.y[k] - *q) / h) - *p,
-                };
-            }
+            *p += self.impulses[k];
             *q = self.y[k];
         });
         state.t += h;
+    }
+
+    /// Sets the impulses of the coordinates of the small system: those of the terms, and those of constraints that balance them.
+    fn set_impulses(&mut self, mass: &[f64], q: &[f64], h: f64) -> Result<(), SolverError> {
+        let Self { small, bodies, impulses, y, .. } = self;
+        for (k, place) in small.coordinates() {
+            impulses[k] = -h * small.force(place);
+        }
+        let Some(bodies) = bodies else { return Ok(()) };
+        let c = 0.5 * h * h;
+        for (cluster, first) in small.clusters() {
+            let residual = small.residual_of(cluster, first, mass, y, c);
+            let reactions = bodies.reactions(cluster, [q, y], &residual)?;
+            for (&k, reaction) in bodies.free(cluster).iter().zip(&reactions) {
+                impulses[k as usize] -= h * reaction;
+            }
+        }
+        Ok(())
     }
 
     /// Returns the terms over the open step.
@@ -183,7 +196,7 @@ impl Touching {
     fn project(&mut self) -> Result<(), SolverError> {
         let Self { bodies, small, y, .. } = self;
         let Some(bodies) = bodies else { return Ok(()) };
-        small.clusters().try_for_each(|cluster| bodies.project(cluster, y))
+        small.clusters().try_for_each(|(cluster, _)| bodies.project(cluster, y))
     }
 
     /// Checks that the straight path from the start to the end is free.
@@ -212,7 +225,7 @@ impl Touching {
         // Corrections move only the bodies of the small system.
         let clusters: Vec<usize> = match bodies {
             Some(bodies) if from_start => (0..bodies.nodes().len()).collect(),
-            _ => small.clusters().collect(),
+            _ => small.clusters().map(|(cluster, _)| cluster).collect(),
         };
         let place = |delta: &[f64]| {
             let mut to: Vec<f64> = from.iter().zip(delta).map(|(from, delta)| from + delta).collect();
@@ -259,6 +272,7 @@ impl Touching {
         if may_divide {
             check_narrowest(&outcome)?;
         }
+        self.set_impulses(mass, &state.q, h)?;
         if self.ledger {
             self.acting = Acting::default();
             self.evaluate(&self.over_step());
@@ -270,9 +284,9 @@ impl Touching {
         let mut energy =
             StepEnergy { friction: -friction, contact_damping: -damping, ..StepEnergy::default() };
         for (k, place) in self.small.coordinates() {
-            let change = self.y[k] - state.q[k];
-            let part = mass[k] * (self.y[k] - self.small.drifted[k]) * change / c;
-            energy.residual += part + self.small.force(place) * change;
+            let impulse = self.impulses[k];
+            let kinetic = impulse * (state.p[k] + 0.5 * impulse) / mass[k];
+            energy.residual += kinetic + self.small.force(place) * (self.y[k] - state.q[k]);
         }
         let mut motion: Vec<f64> =
             self.x_end.iter().zip(&self.x_start).map(|(end, start)| end - start).collect();
@@ -280,7 +294,7 @@ impl Touching {
         for (dof, value) in self.small.prescribed(coordinates, &self.free_of, &self.acting) {
             energy.prescribed += value * motion[dof];
         }
-        self.move_to_end(system, state, h);
+        self.move_to_end(state, h);
         Ok(energy)
     }
 

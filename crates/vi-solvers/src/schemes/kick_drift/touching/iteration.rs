@@ -175,7 +175,10 @@ impl Frictional for Drift<'_> {
                 round_off: 0.0,
                 is_at_resolution,
             }) {
-                Verdict::Solved => return Ok(()),
+                Verdict::Solved => {
+                    touching.small.follow(&delta);
+                    return Ok(());
+                }
                 Verdict::Hopeless => break,
                 Verdict::Continue => {}
             }

@@ -136,9 +136,9 @@ impl Small {
         self.place_of[node as usize]
     }
 
-    /// Returns the clusters in the system.
-    pub(super) fn clusters(&self) -> impl Iterator<Item = usize> + '_ {
-        self.clusters.iter().map(|(cluster, _)| *cluster)
+    /// Returns the clusters in the system, with the first place of each.
+    pub(super) fn clusters(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.clusters.iter().copied()
     }
 
     /// Replaces the coordinates of clusters by those of their tangent spaces at the iterate y of a drift from q.
@@ -338,6 +338,34 @@ impl Small {
             place += mass[k as usize] * q[k as usize].powi(2);
         }
         change <= resolution * resolution * place
+    }
+
+    /// Adds the changes of the forces along a correction of the free coordinates, by the tangents.
+    pub(super) fn follow(&mut self, delta: &[f64]) {
+        for tangent in 0..(self.tangents.starts.len() - 1) / 2 {
+            let along = self.along(tangent, delta);
+            for &(place, value) in self.tangents.of(2 * tangent) {
+                let place = 3 * place as usize;
+                (0..3).for_each(|axis| self.force[place + axis] += value[axis] * along);
+            }
+        }
+    }
+
+    /// Returns M (y − u)/c + G at each coordinate of a cluster whose nodes begin at a place.
+    pub(super) fn residual_of(
+        &self,
+        cluster: usize,
+        first: usize,
+        mass: &[f64],
+        y: &[f64],
+        c: f64,
+    ) -> Vec<f64> {
+        let places = 3 * first..3 * (first + self.members[cluster].len());
+        let of_place = |place: usize| {
+            let k = self.free[place] as usize;
+            mass[k] * (y[k] - self.drifted[k]) / c + self.force[place]
+        };
+        places.map(of_place).collect()
     }
 
     /// Returns the free coordinates with their indices in the system.
