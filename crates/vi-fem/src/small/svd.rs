@@ -9,7 +9,8 @@ const SWEEPS: usize = 5;
 /// Guards quotients that are 0/0; their value does not matter then.
 const TINY: f64 = 1e-290;
 
-/// Diagonalises a symmetric A = Q diag(λ) Qᵀ. Returns (λ, Q): the columns of Q are eigenvectors, λ is not sorted.
+/// Diagonalises a symmetric A = Q diag(λ) Qᵀ. Returns (λ, Q): the columns of Q are eigenvectors, λ is not sorted. A has a norm of about 1,
+/// as after [`normalised`]: the eigenvectors of equal eigenvalues depend on which squares underflow.
 #[inline(always)]
 pub(crate) fn symmetric_eigen<R: Real>(a: &Mat3<R>) -> ([R; 3], Mat3<R>) {
     let mut a = *a;

@@ -48,8 +48,7 @@ pub(super) fn projected_tangent<M: Material, R: Real>(material: &M, f: &Mat3<R>)
     let stretch = [[sigma[0], zero, zero], [zero, sigma[1], zero], [zero, zero, sigma[2]]];
     let principal = material.tangent(&stretch);
 
-    // The eigenvectors of equal eigenvalues come from squares that underflow. Without its unit, the block gives the same
-    // vectors in all units.
+    // Without its unit, the block gives the same eigenvectors in all units.
     let (block, size) = normalised(&mat3!(i j => principal.entry(4 * i, 4 * j)));
     let (values, vectors) = symmetric_eigen(&block);
     let mut tangent = Tangent::identity(zero);

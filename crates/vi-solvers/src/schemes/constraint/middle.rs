@@ -139,10 +139,10 @@ impl ConstrainedBodies {
         cluster: usize,
         ends: [&[f64]; 2],
         residual: &[f64],
-    ) -> Result<Vec<f64>, SolverError> {
+    ) -> Result<DVector<f64>, SolverError> {
         let cluster = &mut self.clusters[cluster];
         let lambda = multipliers(cluster, ends, self.is_ranked, residual)?;
-        Ok(cluster.normal.tr_mul(&lambda).as_slice().to_vec())
+        Ok(cluster.normal.tr_mul(&lambda))
     }
 
     /// Returns the tangent space of a cluster at the iterate `y` of a step from `start`. `residual` returns M (y − u)/c + f at each

@@ -40,7 +40,7 @@ pub(super) struct Touching {
     passage: Passage,
     tolerance: f64,
     /// Whether to evaluate the forces once more at the solution and book their work there; otherwise the work of the
-    /// forces before the last correction is booked.
+    /// forces that the linear model gives there is booked.
     pub(super) ledger: bool,
     /// Looked at in every iteration.
     interrupt: Interrupt,
@@ -116,10 +116,10 @@ impl Touching {
         u.resize(mass.len(), 0.0);
         vectors::fill(&mut u, |k| state.q[k] + h * state.p[k] / mass[k]);
         coordinates.embed(&state.q, state.t, &mut self.x_start);
-        self.impulses.clear();
-        self.impulses.resize(mass.len(), 0.0);
         if let Some(bodies) = &mut self.bodies {
             self.inertial.clone_from(&u);
+            self.impulses.clear();
+            self.impulses.resize(mass.len(), 0.0);
             bodies.drift(&state.q, &mut self.inertial, h, &mut self.impulses)?;
         }
         self.small.drifted = u;
@@ -161,14 +161,17 @@ impl Touching {
     /// Sets the impulses of the coordinates of the small system: those of the terms, and those of constraints that balance them.
     fn set_impulses(&mut self, mass: &[f64], q: &[f64], h: f64) -> Result<(), SolverError> {
         let Self { small, bodies, impulses, y, .. } = self;
+        if bodies.is_none() {
+            // Otherwise the free drift has set the impulses of all coordinates.
+            impulses.clear();
+            impulses.resize(mass.len(), 0.0);
+        }
         for (k, place) in small.coordinates() {
             impulses[k] = -h * small.force(place);
         }
         let Some(bodies) = bodies else { return Ok(()) };
-        let c = 0.5 * h * h;
         for (cluster, first) in small.clusters() {
-            let residual = small.residual_of(cluster, first, mass, y, c);
-            let reactions = bodies.reactions(cluster, [q, y], &residual)?;
+            let reactions = bodies.reactions(cluster, [q, y], &small.residual_of(cluster, first))?;
             for (&k, reaction) in bodies.free(cluster).iter().zip(&reactions) {
                 impulses[k as usize] -= h * reaction;
             }

@@ -176,7 +176,7 @@ impl Frictional for Drift<'_> {
                 is_at_resolution,
             }) {
                 Verdict::Solved => {
-                    touching.small.follow(&delta);
+                    touching.small.follow(mass, &delta, &touching.y);
                     return Ok(());
                 }
                 Verdict::Hopeless => break,

@@ -154,8 +154,7 @@ impl Small {
         let mut spaces = Vec::new();
         for &(cluster, first) in &self.clusters {
             let count = self.members[cluster].len();
-            let residual: Vec<f64> =
-                self.residual[3 * first..3 * (first + count)].iter().map(|r| -r / self.c).collect();
+            let residual = self.residual_of(cluster, first);
             spaces.push((first, count, bodies.tangent_space(cluster, [q, y], self.c, &residual)?));
         }
         self.reduced = (!spaces.is_empty()).then(|| Reduced::new(self.nodes.len(), spaces.into_iter()));
@@ -196,14 +195,25 @@ impl Small {
         self.free.extend(
             self.nodes.iter().flat_map(|&node| (0..3).map(move |axis| free_of[3 * node as usize + axis])),
         );
-        let mass = system.free_mass();
+        self.set_residual(system.free_mass(), y);
+    }
+
+    /// Sets the residual from the forces and the iterate y.
+    fn set_residual(&mut self, mass: &[f64], y: &[f64]) {
         self.residual.clear();
         for (place, &k) in self.free.iter().enumerate() {
             let k = k as usize;
             let held = k == NONE as usize;
-            let value = if held { 0.0 } else { mass[k] * (y[k] - self.drifted[k]) + c * self.force[place] };
+            let value =
+                if held { 0.0 } else { mass[k] * (y[k] - self.drifted[k]) + self.c * self.force[place] };
             self.residual.push(-value);
         }
+    }
+
+    /// Returns R/c, M (y − u)/c + G, at each coordinate of a cluster whose nodes begin at the place `first`.
+    pub(super) fn residual_of(&self, cluster: usize, first: usize) -> Vec<f64> {
+        let places = 3 * first..3 * (first + self.members[cluster].len());
+        self.residual[places].iter().map(|r| -r / self.c).collect()
     }
 
     /// Solves for δ to the relative error `forcing`; returns δ·(−R).
@@ -340,8 +350,8 @@ impl Small {
         change <= resolution * resolution * place
     }
 
-    /// Adds the changes of the forces along a correction of the free coordinates, by the tangents.
-    pub(super) fn follow(&mut self, delta: &[f64]) {
+    /// Adds the changes of the forces along the correction that leads to y, by the tangents.
+    pub(super) fn follow(&mut self, mass: &[f64], delta: &[f64], y: &[f64]) {
         for tangent in 0..(self.tangents.starts.len() - 1) / 2 {
             let along = self.along(tangent, delta);
             for &(place, value) in self.tangents.of(2 * tangent) {
@@ -349,23 +359,7 @@ impl Small {
                 (0..3).for_each(|axis| self.force[place + axis] += value[axis] * along);
             }
         }
-    }
-
-    /// Returns M (y − u)/c + G at each coordinate of a cluster whose nodes begin at a place.
-    pub(super) fn residual_of(
-        &self,
-        cluster: usize,
-        first: usize,
-        mass: &[f64],
-        y: &[f64],
-        c: f64,
-    ) -> Vec<f64> {
-        let places = 3 * first..3 * (first + self.members[cluster].len());
-        let of_place = |place: usize| {
-            let k = self.free[place] as usize;
-            mass[k] * (y[k] - self.drifted[k]) / c + self.force[place]
-        };
-        places.map(of_place).collect()
+        self.set_residual(mass, y);
     }
 
     /// Returns the free coordinates with their indices in the system.
