@@ -335,6 +335,13 @@ impl Coordinates {
         }
     }
 
+    /// Returns x(q, t), m.
+    pub fn positions(&self, q: &[f64], t: f64) -> Vec<f64> {
+        let mut x = vec![0.0; self.dof_count()];
+        self.embed(q, t, &mut x);
+        x
+    }
+
     /// Sets the prescribed entries of x(q, t), m, along the nodes' own axes; the others remain unchanged.
     pub fn place_prescribed(&self, t: f64, x: &mut [f64]) {
         self.scatter_prescribed(x, |path, out| path.position(t, out));

@@ -363,9 +363,7 @@ impl System {
 
     /// Returns the positions x(q, t) of all coordinates, m.
     pub fn positions(&self, state: &State) -> Vec<f64> {
-        let mut x = vec![0.0; self.coordinates().dof_count()];
-        self.coordinates().embed(&state.q, state.t, &mut x);
-        x
+        self.coordinates().positions(&state.q, state.t)
     }
 
     /// Returns the velocities ẋ of all coordinates, m/s: M⁻¹p for free ones, those of the path for prescribed ones.

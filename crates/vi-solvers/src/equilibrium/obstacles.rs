@@ -35,9 +35,7 @@ impl Balance<'_> {
         let Some(live) = self.assembler.live() else { return };
         let place = |delta: &[f64]| {
             let end: Vec<f64> = from.q.iter().zip(delta).map(|(q, delta)| q + delta).collect();
-            let mut x = vec![0.0; start.len()];
-            coordinates.embed(&end, t, &mut x);
-            x
+            coordinates.positions(&end, t)
         };
         let meetings = |from: &[f64], to: &[f64]| live.meetings(from, [from, to], KEPT).0;
         let mut path = FreePath { coordinates, from: &start, place, meetings };

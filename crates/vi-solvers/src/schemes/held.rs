@@ -66,9 +66,7 @@ impl HeldWork {
 
     /// Returns V at time t, J.
     fn energy(&mut self, system: &System, t: f64) -> f64 {
-        let mut x = vec![0.0; system.coordinates().dof_count()];
-        system.coordinates().embed(&[], t, &mut x);
-        self.assembler.energies(&x, t).total()
+        self.assembler.energies(&system.coordinates().positions(&[], t), t).total()
     }
 }
 

@@ -151,13 +151,6 @@ impl KickDrift {
         work
     }
 
-    /// Returns the positions of all coordinates at time t.
-    fn positions(&self, system: &System, t: f64) -> Vec<f64> {
-        let mut x = vec![0.0; system.coordinates().dof_count()];
-        system.coordinates().embed(&self.q, t, &mut x);
-        x
-    }
-
     /// Returns the checks of a step in which live terms act in the kicks by their gradient.
     fn resolution(&self, system: &System, h: f64) -> Option<Resolution> {
         let is_needed = self.collisions.is_none() && !system.terms().live().is_empty();
@@ -277,7 +270,8 @@ impl KickDrift {
                     deferred = Some(self.defer_work(system, kick));
                 }
             }
-            let started_at = if self.defers_work() { self.positions(system, t) } else { Vec::new() };
+            let started_at =
+                if self.defers_work() { system.coordinates().positions(&self.q, t) } else { Vec::new() };
             if drift != 0.0
                 && self.collisions.is_none()
                 && let Some(manifold) = &mut self.manifold
@@ -309,7 +303,7 @@ impl KickDrift {
                 kicked += self.project_positions(system, t, drift * h, &mut energy)?;
             }
             if self.defers_work() && drift != 0.0 {
-                drift_velocity = self.positions(system, t);
+                drift_velocity = system.coordinates().positions(&self.q, t);
                 vectors::update(&mut drift_velocity, |k, x| *x = (*x - started_at[k]) / (drift * h));
             }
             if let Some(deferred) = deferred.take() {

@@ -59,8 +59,7 @@ impl<'a, G: Constraint> Rattle<'a, G> {
     /// Returns ∇V in the free coordinates.
     fn force(&self, t: f64, q: &[f64]) -> DVector<f64> {
         let coordinates = self.system.coordinates();
-        let mut x = vec![0.0; coordinates.dof_count()];
-        coordinates.embed(q, t, &mut x);
+        let x = coordinates.positions(q, t);
         let mut slope = DVector::zeros(q.len());
         coordinates.restrict(&dense::gradient(self.system, &x, t), slope.as_mut_slice());
         slope

@@ -94,19 +94,19 @@ impl Expand for System {
 
     fn lagrangian(&self, t: f64, q: &[f64], v: &[f64]) -> f64 {
         let kinetic: f64 = v.iter().zip(self.momentum(v)).map(|(v, p)| 0.5 * p * v).sum();
-        kinetic - dense::energy(self, &embedded(self, t, q), t)
+        kinetic - dense::energy(self, &self.coordinates().positions(q, t), t)
     }
 
     fn gradient(&self, t: f64, q: &[f64], v: &[f64]) -> (DVector<f64>, DVector<f64>) {
         let mut force = DVector::zeros(q.len());
-        let slope = dense::gradient(self, &embedded(self, t, q), t);
+        let slope = dense::gradient(self, &self.coordinates().positions(q, t), t);
         self.coordinates().restrict(&slope, force.as_mut_slice());
         (-force, DVector::from_vec(self.momentum(v)))
     }
 
     fn expansion(&self, t: f64, q: &[f64], v: &[f64]) -> Expansion {
         let (d_q, d_v) = self.gradient(t, q, v);
-        let full = dense::hessian(self, &embedded(self, t, q), t);
+        let full = dense::hessian(self, &self.coordinates().positions(q, t), t);
         let free = self.coordinates().free();
         let n = q.len();
         Expansion {
@@ -117,10 +117,4 @@ impl Expand for System {
             vv: self.dense_mass(),
         }
     }
-}
-
-fn embedded(system: &System, t: f64, q: &[f64]) -> Vec<f64> {
-    let mut x = vec![0.0; system.coordinates().dof_count()];
-    system.coordinates().embed(q, t, &mut x);
-    x
 }

@@ -174,7 +174,7 @@ impl Evaluator {
 
     /// Requests stencils of live terms for the flight from one configuration to another and beyond, (q, t) each.
     pub(crate) fn follow_flight(&mut self, system: &System, start: (&[f64], f64), end: (&[f64], f64)) {
-        let [start, end] = [start, end].map(|place| positions(system, place));
+        let [start, end] = [start, end].map(|(q, t)| system.coordinates().positions(q, t));
         if let Some(live) = self.assembler.live() {
             live.follow_flight(&start, &end);
         }
@@ -187,7 +187,7 @@ impl Evaluator {
         start: (&[f64], f64),
         end: (&[f64], f64),
     ) -> Option<[u32; 4]> {
-        let [start, end] = [start, end].map(|place| positions(system, place));
+        let [start, end] = [start, end].map(|(q, t)| system.coordinates().positions(q, t));
         let live = self.assembler.live()?;
         let obstacle = live.obstacle(&start, &end);
         self.work.path_checks += live.candidate_count() as u64;
@@ -374,11 +374,4 @@ impl Evaluator {
         self.ends.clone_from(ends);
         self.gradient_is_of_x = false;
     }
-}
-
-/// Returns the positions of all coordinates at (q, t), m.
-fn positions(system: &System, (q, t): (&[f64], f64)) -> Vec<f64> {
-    let mut x = vec![0.0; system.coordinates().dof_count()];
-    system.coordinates().embed(q, t, &mut x);
-    x
 }

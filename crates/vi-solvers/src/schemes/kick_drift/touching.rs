@@ -236,9 +236,7 @@ impl Touching {
                 // An error shows again when the iterate itself is projected.
                 clusters.iter().for_each(|&cluster| bodies.project(cluster, &mut to).unwrap_or_default());
             }
-            let mut x = vec![0.0; x_start.len()];
-            coordinates.embed(&to, t, &mut x);
-            x
+            coordinates.positions(&to, t)
         };
         let before = if from_start { x_start.clone() } else { x_end.clone() };
         let meetings = |from: &[f64], to: &[f64]| {

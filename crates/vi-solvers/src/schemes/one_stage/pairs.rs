@@ -60,13 +60,10 @@ impl<R: Rule> StageEquations<'_, R> {
             true => (self.stage.end_per_stage, start_t + h),
             false => (1.0, self.stage.t),
         };
-        let count = coordinates.dof_count();
         let place = |change: &[f64], t: f64| {
             let end = |k: usize| origin[k] + scale * (offset[k] + base[k]) + change[k];
             let end: Vec<f64> = (0..base.len()).map(end).collect();
-            let mut x = vec![0.0; count];
-            coordinates.embed(&end, t, &mut x);
-            x
+            coordinates.positions(&end, t)
         };
         let from = place(&vec![0.0; delta.len()], if from_start { *start_t } else { t_end });
         let mut path = FreePath {

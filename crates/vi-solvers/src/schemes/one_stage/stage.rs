@@ -179,19 +179,14 @@ impl Stage {
     fn largest_step(&mut self, system: &System, evaluator: &mut Evaluator, dq: &[f64]) -> f64 {
         self.configure();
         let coordinates = system.coordinates();
-        let place = |q: &[f64], t: f64| {
-            let mut x = vec![0.0; coordinates.dof_count()];
-            coordinates.embed(q, t, &mut x);
-            x
-        };
         let mut dx = vec![0.0; coordinates.dof_count()];
         coordinates.embed_change(dq, &mut dx);
-        let x = place(&self.q, self.t);
+        let x = coordinates.positions(&self.q, self.t);
         if !evaluator.acts_over_steps() {
             return evaluator.largest_step(&x, &dx, None);
         }
         let end: Vec<f64> = (0..self.w.len()).map(|k| self.end(k)).collect();
-        let x_end = place(&end, self.start_t + self.h);
+        let x_end = coordinates.positions(&end, self.start_t + self.h);
         let dx_end: Vec<f64> = dx.iter().map(|dx| self.end_per_stage * dx).collect();
         evaluator.largest_step(&x, &dx, Some([&x_end, &dx_end]))
     }
