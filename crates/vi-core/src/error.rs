@@ -147,7 +147,7 @@ pub enum CoreError {
     },
     /// A nonlinear solve did not converge.
     #[error(
-        "no convergence after {iterations} iterations: residual {residual:e}; take a shorter step or a start nearer to the \
+        "no convergence after {iterations} iterations: residual {residual:.3e}; take a shorter step or a start nearer to the \
          solution"
     )]
     Convergence {

@@ -43,7 +43,7 @@ pub enum SolverError {
         rows: usize,
     },
     /// A solve left a residual larger than round-off explains.
-    #[error("linear solve left a backward error of {residual:e}, but {limit:e} is allowed")]
+    #[error("linear solve left a backward error of {residual:.3e}, but {limit:e} is allowed")]
     Residual {
         /// ‖Ax − b‖/(‖b‖ + max|a_ij| ‖x‖).
         residual: f64,
@@ -52,7 +52,7 @@ pub enum SolverError {
     },
     /// Conjugate gradients found a direction in which the matrix or the preconditioner is not positive.
     #[error(
-        "conjugate gradients: the matrix or its preconditioner is not positive definite (curvature {curvature:e} at iteration {iterations})"
+        "conjugate gradients: the matrix or its preconditioner is not positive definite (curvature {curvature:.3e} at iteration {iterations})"
     )]
     NegativeCurvature {
         /// Number of iterations made.
@@ -62,7 +62,7 @@ pub enum SolverError {
     },
     /// Conjugate gradients did not reach the tolerance.
     #[error(
-        "conjugate gradients: relative residual {residual:e} after {iterations} iterations, but {tolerance:e} was required"
+        "conjugate gradients: relative residual {residual:.3e} after {iterations} iterations, but {tolerance:e} was required"
     )]
     ConjugateGradients {
         /// Number of iterations made.
@@ -133,7 +133,7 @@ pub enum SolverError {
     },
     /// The nonlinear solve did not converge.
     #[error(
-        "no convergence after {iterations} iterations: residual {residual:e} relative in the energy \
+        "no convergence after {iterations} iterations: residual {residual:.3e} relative in the energy \
          norm, but {tolerance:e} is required; use a smaller step"
     )]
     NoConvergence {
@@ -167,7 +167,7 @@ pub enum SolverError {
     },
     /// The corrections of a step along a path of equilibria did not converge.
     #[error(
-        "no convergence after {iterations} iterations: the last correction was {change:e} of the step, \
+        "no convergence after {iterations} iterations: the last correction was {change:.3e} of the step, \
          but {tolerance:e} is required"
     )]
     Correction {
@@ -190,7 +190,7 @@ pub enum SolverError {
     },
     /// No equilibrium was found beyond a load factor.
     #[error(
-        "no equilibrium beyond load factor {load_factor}: an increment of {increment:e} fails ({cause}){}",
+        "no equilibrium beyond load factor {load_factor}: an increment of {increment:.3e} fails ({cause}){}",
         explain_lowest(.lowest)
     )]
     Equilibrium {
@@ -240,7 +240,7 @@ pub enum SolverError {
     /// No equilibrium was found at the end of an arc step, however short.
     #[error(
         "the path of equilibria cannot be followed beyond load factor {load_factor}: an arc step as short as a change \
-         of the load factor by {load:e} at the start fails ({cause}); `static.smallest_increment` allows shorter ones"
+         of the load factor by {load:.3e} at the start fails ({cause}); `static.smallest_increment` allows shorter ones"
     )]
     ArcStep {
         /// Load factor of the last equilibrium.
@@ -290,7 +290,7 @@ pub enum SolverError {
     /// No equilibrium was found for a new value of the quantity that controls the path, however little it changes.
     #[error(
         "the path of equilibria cannot be followed beyond load factor {load_factor}: a change of the controlled \
-         quantity by {change:e} fails ({cause}); if the path turns back in this quantity, follow it by arc length \
+         quantity by {change:.3e} fails ({cause}); if the path turns back in this quantity, follow it by arc length \
          (`static.arc_steps` instead of `static.control`)"
     )]
     ControlStep {
@@ -384,7 +384,7 @@ pub enum SolverError {
     },
     /// The constraints could not be satisfied to round-off.
     #[error(
-        "constraint '{constraint}' has the error {defect:e} after {iterations} iterations: the step is too long, or joints \
+        "constraint '{constraint}' has the error {defect:.3e} after {iterations} iterations: the step is too long, or joints \
          depend on each other in this position"
     )]
     ConstraintDefect {
