@@ -286,7 +286,7 @@ impl<'a, 'b> Resolver<'a, 'b> {
             let form = match &rigid.shape {
                 Some(RigidShape::Mesh { file, scale }) => {
                     let read = rigid_mesh::read(file, scale.unwrap_or(1.0), !rigid.is_prescribed());
-                    read.map_err(|message| self.say(format!("rigid[{index}].shape"), message)).ok()
+                    read.map_err(|message| self.say(format!("rigid[{index}].shape.file"), message)).ok()
                 }
                 shape => shape.as_ref().map(form),
             };
