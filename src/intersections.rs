@@ -8,10 +8,15 @@ pub(crate) mod frame;
 
 use std::collections::HashMap;
 
+use nalgebra::Vector3;
 use rayon::prelude::*;
 use robust::{Coord, Coord3D, orient2d, orient3d};
 use vi_mesh::Bounds;
 
+/// Round-off of projections, relative to the largest numbers in them: far more than they have.
+const ROUND_OFF: f64 = 1e-12;
+/// Round-off below this number may be larger than its relative bound, because products underflow.
+const SMALLEST: f64 = 1e-280;
 /// Number of segments per task.
 const SEGMENTS: usize = 1024;
 
@@ -27,6 +32,17 @@ pub struct Intersection {
 /// Returns all intersections of triangles and wires with triangles, sorted. Parts that share a node, or have nodes at
 /// the same position, are connected there and do not count.
 pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32; 2]]) -> Vec<Intersection> {
+    intersections_where(points, triangles, wires, |_, _| true)
+}
+
+/// Returns those of the [`intersections`] that `counts` accepts, given a node of the segment and one of the triangle. What it does not
+/// accept is not tested.
+pub fn intersections_where(
+    points: &[[f64; 3]],
+    triangles: &[[u32; 3]],
+    wires: &[[u32; 2]],
+    counts: impl Fn(u32, u32) -> bool + Sync,
+) -> Vec<Intersection> {
     let place_of = places(points);
     let mut segments: Vec<[u32; 2]> =
         triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]).collect();
@@ -36,23 +52,21 @@ pub fn intersections(points: &[[f64; 3]], triangles: &[[u32; 3]], wires: &[[u32;
     segments.dedup();
     let grid = Grid::new(points, triangles);
     let of_segments = |segments: &[[u32; 2]]| {
-        let (mut found, mut near) = (Vec::new(), Vec::new());
+        let mut found = Vec::new();
         for &segment in segments {
-            grid.near(points, segment, &mut near);
-            let box_of_segment = bounds(points, &segment);
-            for &triangle in &near {
-                if !overlap(&box_of_segment, &grid.boxes[triangle as usize]) {
-                    continue;
-                }
+            let ends = segment.map(|node| points[node as usize]);
+            let places = segment.map(|node| place_of[node as usize]);
+            grid.for_each_near(&bounds(points, &segment), |triangle| {
                 let nodes = triangles[triangle as usize];
-                let is_joined = |&node: &u32| {
-                    nodes.iter().any(|&other| place_of[node as usize] == place_of[other as usize])
-                };
-                let [p, q] = segment.map(|node| points[node as usize]);
-                if !segment.iter().any(is_joined) && meets(p, q, nodes.map(|node| points[node as usize])) {
+                let is_joined = nodes.iter().any(|&node| places.contains(&place_of[node as usize]));
+                if !is_joined
+                    && counts(segment[0], nodes[0])
+                    && !are_apart(ends[0], ends[1], nodes.map(|node| points[node as usize]))
+                    && meets(ends[0], ends[1], nodes.map(|node| points[node as usize]))
+                {
                     found.push(Intersection { segment, triangle: nodes });
                 }
-            }
+            });
         }
         found
     };
@@ -103,6 +117,23 @@ fn places(points: &[[f64; 3]]) -> Vec<u32> {
     // 0.0 and −0.0 are the same position.
     let key = |point: &[f64; 3]| point.map(|value| (value + 0.0).to_bits());
     (0..).zip(points).map(|(node, point)| *first.entry(key(point)).or_insert(node)).collect()
+}
+
+/// Returns whether a direction shows, beyond round-off, that the segment p q and the triangle have no common point: the normal of the
+/// triangle, or one in its plane across an edge. Most pairs need no other test.
+#[inline]
+fn are_apart(p: [f64; 3], q: [f64; 3], [a, b, c]: [[f64; 3]; 3]) -> bool {
+    let to = |x: [f64; 3]| Vector3::from(x) - Vector3::from(a);
+    let [p, q, b, c] = [p, q, b, c].map(to);
+    let largest = p.amax().max(q.amax()).max(b.amax()).max(c.amax());
+    let normal = b.cross(&c);
+    [normal, b.cross(&normal), c.cross(&normal), (c - b).cross(&normal)].iter().any(|along| {
+        // Projections of differences have round-off of some 1e-16 of this product, unless they underflow.
+        let margin = ROUND_OFF * along.amax() * largest;
+        let [p, q, b, c] = [p, q, b, c].map(|x| along.dot(&x));
+        let gap = (p.min(q) - b.max(c).max(0.0)).max(b.min(c).min(0.0) - p.max(q));
+        margin > SMALLEST && gap > margin
+    })
 }
 
 /// Returns whether the closed segment p q intersects the closed triangle. A degenerate triangle intersects nothing;
@@ -217,25 +248,33 @@ impl Grid {
         [0, 1, 2].map(|k: usize| ((point[k] - self.origin[k]) / self.size).floor() as i64)
     }
 
-    /// Collects the triangles in the cubes that the bounding box of a segment intersects.
-    fn near(&self, points: &[[f64; 3]], segment: [u32; 2], out: &mut Vec<u32>) {
-        out.clear();
-        let bounds = bounds(points, &segment);
-        let first = self.cube(&bounds[0]);
-        for cube in self.cubes_of(&bounds) {
-            // Two boxes have several cubes in common. Only the first one of these counts.
-            let is_first = |triangle: &&u32| {
-                let other = self.first[**triangle as usize];
-                cube == [0, 1, 2].map(|k: usize| first[k].max(other[k]))
-            };
-            let bucket = bucket(cube, self.starts.len() - 1);
-            let [from, to] = [self.starts[bucket], self.starts[bucket + 1]];
-            out.extend(self.members[from..to].iter().filter(is_first));
+    /// Calls `see` with the triangles whose bounding boxes intersect that of a segment. A triangle of which two cubes share a bucket
+    /// is seen twice.
+    #[inline]
+    fn for_each_near(&self, bounds: &[[f64; 3]; 2], mut see: impl FnMut(u32)) {
+        let [first, last] = [self.cube(&bounds[0]), self.cube(&bounds[1])];
+        for i in first[0]..=last[0] {
+            for j in first[1]..=last[1] {
+                for k in first[2]..=last[2] {
+                    let bucket = bucket([i, j, k], self.starts.len() - 1);
+                    for &triangle in &self.members[self.starts[bucket]..self.starts[bucket + 1]] {
+                        // Two boxes have several cubes in common. Only the first one of these counts.
+                        let other = self.first[triangle as usize];
+                        let is_first = i == first[0].max(other[0])
+                            && j == first[1].max(other[1])
+                            && k == first[2].max(other[2]);
+                        if is_first && overlap(bounds, &self.boxes[triangle as usize]) {
+                            see(triangle);
+                        }
+                    }
+                }
+            }
         }
     }
 }
 
 /// Returns whether two boxes have a common point.
+#[inline]
 fn overlap([low, high]: &[[f64; 3]; 2], [other_low, other_high]: &[[f64; 3]; 2]) -> bool {
     (0..3).all(|k| low[k] <= other_high[k] && other_low[k] <= high[k])
 }
@@ -265,6 +304,31 @@ mod tests {
         assert!(meets([0.0, 0.0, -1.0], [0.0, 0.0, 1.0], TRIANGLE));
         assert!(!meets([0.5, 0.5_f64.next_up(), -1.0], [0.5, 0.5_f64.next_up(), 1.0], TRIANGLE));
         assert!(!meets([-tiny, 0.5, -1.0], [-tiny, 0.5, 1.0], TRIANGLE));
+    }
+
+    #[test]
+    fn what_a_direction_shows_apart_does_not_meet() {
+        let mut seed = 1_u64;
+        let mut number = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let (mut apart, mut meeting, mut neither) = (0, 0, 0);
+        for round in 0..20_000 {
+            // Multiples of an eighth have common planes, edges and corners; others have none.
+            let mut place =
+                || [(); 3].map(|()| if round % 2 == 0 { number() } else { (8.0 * number()).floor() / 8.0 });
+            let [p, q, a, b, c] = [(); 5].map(|()| place());
+            match (are_apart(p, q, [a, b, c]), meets(p, q, [a, b, c])) {
+                (true, met) => {
+                    assert!(!met, "{p:?} {q:?} {a:?} {b:?} {c:?}");
+                    apart += 1;
+                }
+                (false, true) => meeting += 1,
+                (false, false) => neither += 1,
+            }
+        }
+        assert!(apart > 10_000 && meeting > 500 && neither < 5_000, "{apart} {meeting} {neither}");
     }
 
     #[test]

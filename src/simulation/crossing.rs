@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use super::{Component, Simulation};
-use crate::intersections::intersections;
+use crate::intersections::{Intersection, intersections_where};
 use crate::model::{Outline, name_of};
 use crate::scene::Problem;
 
@@ -36,7 +36,8 @@ impl Simulation {
     /// them. Bodies have their numbers in the scene; rigid ones follow the others. In a scene without contact there
     /// are none.
     pub fn crossings(&self) -> (usize, BTreeSet<[usize; 2]>) {
-        let found = self.through(&self.outlines(), |a, b| self.meeting.may_meet(&self.scene, a, b));
+        let (meeting, scene) = (&self.meeting, &self.scene);
+        let found = self.through(&self.outlines(), |a, b| meeting.may_meet(scene, a, b));
         (found.len(), found.iter().map(Crossing::pair).collect())
     }
 
@@ -53,7 +54,8 @@ impl Simulation {
             return Vec::new();
         }
         let outlines = self.outlines();
-        let mut found = self.through(&outlines, |a, b| self.meeting.must_not_cross(&self.scene, a, b));
+        let (meeting, scene) = (&self.meeting, &self.scene);
+        let mut found = self.through(&outlines, |a, b| meeting.must_not_cross(scene, a, b));
         for (plane, half_space) in outlines.iter().enumerate().filter(|(_, outline)| outline.face.is_some()) {
             for (body, outline) in outlines.iter().enumerate() {
                 // Contact leaves out the places where a body is joined to a half-space.
@@ -69,8 +71,8 @@ impl Simulation {
         found
     }
 
-    /// Returns the edges that cross triangles, of bodies that `counts` accepts.
-    fn through(&self, outlines: &[Outline], counts: impl Fn(usize, usize) -> bool) -> Vec<Crossing> {
+    /// Returns the edges that cross triangles, of pairs of bodies that `counts` accepts.
+    fn through(&self, outlines: &[Outline], counts: impl Fn(usize, usize) -> bool + Sync) -> Vec<Crossing> {
         if self.scene.contact.is_none() {
             return Vec::new();
         }
@@ -81,12 +83,19 @@ impl Simulation {
             points.extend(&outline.points);
             triangles.extend(outline.triangles.iter().map(|triangle| triangle.map(|node| first + node)));
         }
-        let own = |node: u32| (node - owners[node as usize].1) as usize;
-        let crossings = intersections(&points, &triangles, &[]).into_iter().map(|found| Crossing {
-            bodies: [found.segment[0], found.triangle[0]].map(|node| owners[node as usize].0),
-            parts: Parts::Through(found.segment.map(own), found.triangle.map(own)),
+        let body_of = |node: u32| owners[node as usize].0;
+        // Most parts that are near each other belong to one body.
+        let crosses_itself: Vec<bool> = (0..outlines.len()).map(|body| counts(body, body)).collect();
+        let found = intersections_where(&points, &triangles, &[], |a, b| match (body_of(a), body_of(b)) {
+            (a, b) if a == b => crosses_itself[a],
+            (a, b) => counts(a, b),
         });
-        crossings.filter(|found| counts(found.bodies[0], found.bodies[1])).collect()
+        let own = |node: u32| (node - owners[node as usize].1) as usize;
+        let crossing = |found: Intersection| Crossing {
+            bodies: [found.segment[0], found.triangle[0]].map(body_of),
+            parts: Parts::Through(found.segment.map(own), found.triangle.map(own)),
+        };
+        found.into_iter().map(crossing).collect()
     }
 
     /// Returns the current surfaces of all bodies; rigid ones follow the others.
