@@ -160,6 +160,11 @@ impl ContactWatch {
         (active.len() as u64, smallest_gap)
     }
 
+    /// Returns the energy of contact at positions x of the component, J; infinite if surfaces touch.
+    pub(super) fn energy(&mut self, x: &[f64]) -> f64 {
+        self.near(x).contact().energy(x)
+    }
+
     /// Returns the contact near positions x of the component, with the candidates of the last search if they serve.
     fn near(&mut self, x: &[f64]) -> &ContactPotential {
         let near = self.near.take().filter(|near| near.neighbours().covers(x));

@@ -2,9 +2,15 @@
 
 use std::collections::BTreeMap;
 
+use vi_contact::Gap;
+
 use super::Simulation;
 use super::contact::ContactWatch;
-use crate::model::{self, Parted};
+use crate::model::{self, Parted, part_in_words};
+
+/// A start with a gap below this fraction of its layer is reported. A gap that is meant to be as wide as its layer may be less by
+/// round-off.
+const PRESSED: f64 = 0.99;
 
 impl Simulation {
     /// Returns the smallest gap between surfaces with a contact force, at the start and after any step so far, m;
@@ -28,7 +34,8 @@ impl Simulation {
         Some(format!("the surfaces {who} at t = {t:.4e} s"))
     }
 
-    /// Adds notes on joined bodies that cross, on bodies that were moved before the start, and on contact without effect.
+    /// Adds notes on joined bodies that cross, on bodies that were moved before the start, on contact without effect, and on
+    /// contact that pushes at the start.
     pub(super) fn note_contact(&mut self) {
         let name = |number: usize| model::name_of(&self.scene, number);
         let overlaps = self.meeting.overlapping().map(|(a, b)| {
@@ -64,6 +71,37 @@ impl Simulation {
         });
         let notes: Vec<String> = overlaps.chain(moves).chain(idle).chain(sewn).collect();
         self.notes.extend(notes);
+        let pressed = self.pressed_at_start();
+        self.notes.extend(pressed);
+    }
+
+    /// Returns notes on components in which contact stores energy at the start of a motion, which then drives the bodies apart.
+    /// Default layers fit the gaps, so that only a `distance` of the scene can be larger than a gap.
+    fn pressed_at_start(&mut self) -> Vec<String> {
+        let has_own_distance = self.scene.contact.as_ref().is_some_and(|contact| {
+            contact.distance.is_some() || contact.pairs.iter().any(|pair| pair.distance.is_some())
+        });
+        if !has_own_distance || self.scene.statics.is_some() {
+            return Vec::new();
+        }
+        let mut notes = Vec::new();
+        for (number, component) in self.components.iter_mut().enumerate() {
+            let Some(contact) = &mut component.contact else { continue };
+            let x = component.system.positions(&component.state);
+            let energy = contact.energy(&x);
+            let is_pressed =
+                |tightest: &Gap| tightest.gap < PRESSED * tightest.distance && energy.is_finite();
+            let tightest = contact.tightest(&x, None).filter(is_pressed);
+            let Some(Gap { gap, distance, nodes, .. }) = tightest else { continue };
+            let [first, second] =
+                nodes.map(|nodes| part_in_words(&self.bodies, &self.rigids, number, &nodes));
+            notes.push(format!(
+                "contact stores {energy:.3e} J at the start, which drives bodies apart: the gap of {first} and {second} is \
+                 {gap:.3e} m, of a layer of {distance:.3e} m; move them apart, make `distance` of [contact] shorter than the gaps, \
+                 or leave it out, so that layers fit the gaps"
+            ));
+        }
+        notes
     }
 
     /// Returns all pairs of bodies, and each body with itself, by their numbers in the scene. A pair that is not

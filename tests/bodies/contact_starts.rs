@@ -67,6 +67,29 @@ position = [0.45, 0.52, 0.5]
     }
 }
 
+/// A `distance` larger than a gap at the start compresses the layer, which then throws the bodies apart; a note names the energy.
+#[test]
+fn a_start_inside_a_layer_of_the_scene_is_noted_with_its_energy() {
+    let notes = |distance: &str| {
+        let program = Program::run_with(&block("energy-momentum", distance), &["--set", "time.end=0.002"]);
+        let notes = program.report()["notes"].to_string();
+        (
+            program.history().first("contact"),
+            notes.split_once("contact stores ").map(|(_, note)| note.to_owned()),
+        )
+    };
+    let (energy, note) = notes("distance = 0.15");
+    let note = note.expect("a note");
+    let told: f64 = note.split(' ').next().unwrap().parse().unwrap();
+    assert!(energy > 0.0 && (told / energy - 1.0).abs() < 1e-3, "{energy:e}: {note}");
+    assert!(note.contains("gap") && note.contains("1.000e-1 m, of a layer of 1.500e-1 m"), "{note}");
+    // The gap is .1 m, up to round-off.
+    for distance in ["distance = 0.1", "distance = 0.01", ""] {
+        let (energy, note) = notes(distance);
+        assert!(note.is_none() && energy < 1e-20, "{distance}: {energy:e}, {note:?}");
+    }
+}
+
 /// `contact.resolve` moves whole bodies the shortest way out, and the run that starts there conserves its energy.
 #[test]
 fn a_start_that_touches_is_parted_where_that_is_asked_for() {
