@@ -3,7 +3,7 @@
 use vi_core::DisjointSets;
 
 use super::{BodyModel, RigidModel};
-use crate::intersections::{intersections, is_inside};
+use crate::intersections::{intersections_where, is_inside};
 use crate::scene::RigidShape;
 
 /// Round-off of heights over a half-space, relative to the largest coordinate: far more than that of the normal and of the
@@ -102,8 +102,8 @@ impl Outline {
         points.extend(&other.points);
         let mut triangles = self.triangles.clone();
         triangles.extend(other.triangles.iter().map(|triangle| triangle.map(|node| first + node)));
-        let found = intersections(&points, &triangles, &[]);
-        found.iter().any(|found| (found.segment[0] < first) != (found.triangle[0] < first))
+        let are_of_both = |a: u32, b: u32| (a < first) != (b < first);
+        !intersections_where(&points, &triangles, &[], are_of_both).is_empty()
     }
 }
 
