@@ -54,16 +54,16 @@ pub fn intersections_where(
     let of_segments = |segments: &[[u32; 2]]| {
         let mut found = Vec::new();
         for &segment in segments {
-            let ends = segment.map(|node| points[node as usize]);
+            let [p, q] = segment.map(|node| points[node as usize]);
             let places = segment.map(|node| place_of[node as usize]);
             grid.for_each_near(&bounds(points, &segment), |triangle| {
                 let nodes = triangles[triangle as usize];
                 let is_joined = nodes.iter().any(|&node| places.contains(&place_of[node as usize]));
-                if !is_joined
-                    && counts(segment[0], nodes[0])
-                    && !are_apart(ends[0], ends[1], nodes.map(|node| points[node as usize]))
-                    && meets(ends[0], ends[1], nodes.map(|node| points[node as usize]))
-                {
+                if is_joined || !counts(segment[0], nodes[0]) {
+                    return;
+                }
+                let corners = nodes.map(|node| points[node as usize]);
+                if !are_apart(p, q, corners) && meets(p, q, corners) {
                     found.push(Intersection { segment, triangle: nodes });
                 }
             });
@@ -252,24 +252,18 @@ impl Grid {
     /// is seen twice.
     #[inline]
     fn for_each_near(&self, bounds: &[[f64; 3]; 2], mut see: impl FnMut(u32)) {
-        let [first, last] = [self.cube(&bounds[0]), self.cube(&bounds[1])];
-        for i in first[0]..=last[0] {
-            for j in first[1]..=last[1] {
-                for k in first[2]..=last[2] {
-                    let bucket = bucket([i, j, k], self.starts.len() - 1);
-                    for &triangle in &self.members[self.starts[bucket]..self.starts[bucket + 1]] {
-                        // Two boxes have several cubes in common. Only the first one of these counts.
-                        let other = self.first[triangle as usize];
-                        let is_first = i == first[0].max(other[0])
-                            && j == first[1].max(other[1])
-                            && k == first[2].max(other[2]);
-                        if is_first && overlap(bounds, &self.boxes[triangle as usize]) {
-                            see(triangle);
-                        }
-                    }
+        let first = self.cube(&bounds[0]);
+        self.cubes_of(bounds).for_each(|cube| {
+            let bucket = bucket(cube, self.starts.len() - 1);
+            for &triangle in &self.members[self.starts[bucket]..self.starts[bucket + 1]] {
+                // Two boxes have several cubes in common. Only the first one of these counts.
+                let other = self.first[triangle as usize];
+                let is_first = (0..3).all(|k| cube[k] == first[k].max(other[k]));
+                if is_first && overlap(bounds, &self.boxes[triangle as usize]) {
+                    see(triangle);
                 }
             }
-        }
+        });
     }
 }
 

@@ -160,9 +160,12 @@ impl ContactWatch {
         (active.len() as u64, smallest_gap)
     }
 
-    /// Returns the energy of contact at positions x of the component, J; infinite if surfaces touch.
-    pub(super) fn energy(&mut self, x: &[f64]) -> f64 {
-        self.near(x).contact().energy(x)
+    /// Returns the pair that is deepest in its layer at positions x of the component, and the energy of contact there (J), if its gap is
+    /// less than this fraction of its layer and surfaces do not touch.
+    pub(super) fn pressed(&mut self, x: &[f64], fraction: f64) -> Option<(Gap, f64)> {
+        let contact = self.near(x).contact();
+        let tightest = tightest(contact.gaps(x)).filter(|gap| gap.gap < fraction * gap.distance)?;
+        Some((tightest, contact.energy(x))).filter(|(_, energy)| energy.is_finite())
     }
 
     /// Returns the contact near positions x of the component, with the candidates of the last search if they serve.
@@ -250,8 +253,7 @@ impl ContactWatch {
                 return found;
             }
         }
-        let near = self.term.at(x);
-        near.contact().gaps(x).min_by(|a, b| (a.gap / a.distance).total_cmp(&(b.gap / b.distance)))
+        tightest(self.term.at(x).contact().gaps(x))
     }
 
     /// Returns whether rims of two bodies of the term lie on each other at positions x.
@@ -345,4 +347,9 @@ impl ContactWatch {
         }
         all
     }
+}
+
+/// Returns the gap that is the smallest fraction of its layer.
+fn tightest(gaps: impl Iterator<Item = Gap>) -> Option<Gap> {
+    gaps.min_by(|a, b| (a.gap / a.distance).total_cmp(&(b.gap / b.distance)))
 }

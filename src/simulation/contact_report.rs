@@ -10,7 +10,7 @@ use crate::model::{self, Parted, part_in_words};
 
 /// A start with a gap below this fraction of its layer is reported. A gap that is meant to be as wide as its layer may be less by
 /// round-off.
-const PRESSED: f64 = 0.99;
+const INSIDE: f64 = 0.99;
 
 impl Simulation {
     /// Returns the smallest gap between surfaces with a contact force, at the start and after any step so far, m;
@@ -88,11 +88,9 @@ impl Simulation {
         for (number, component) in self.components.iter_mut().enumerate() {
             let Some(contact) = &mut component.contact else { continue };
             let x = component.system.positions(&component.state);
-            let energy = contact.energy(&x);
-            let is_pressed =
-                |tightest: &Gap| tightest.gap < PRESSED * tightest.distance && energy.is_finite();
-            let tightest = contact.tightest(&x, None).filter(is_pressed);
-            let Some(Gap { gap, distance, nodes, .. }) = tightest else { continue };
+            let Some((Gap { gap, distance, nodes, .. }, energy)) = contact.pressed(&x, INSIDE) else {
+                continue;
+            };
             let [first, second] =
                 nodes.map(|nodes| part_in_words(&self.bodies, &self.rigids, number, &nodes));
             notes.push(format!(

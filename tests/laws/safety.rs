@@ -73,8 +73,7 @@ fn the_floor_is_a_clear_end() {
     let run = Program::try_run(&scene, &[]);
     assert_eq!(run.code(), Some(4), "{}", run.errors());
     let errors = run.errors();
-    // 2 ms in 2¹⁰ parts.
-    assert!(errors.contains("h = 1.9531e-6 s"), "{errors}");
+    assert!(errors.contains("h = 0.000001953125"), "{errors}");
     assert!(errors.contains("failed") && errors.contains("last good state"), "{errors}");
     let (report, history) = (run.report(), run.history());
     let steps = report["steps"].as_u64().unwrap();

@@ -155,7 +155,7 @@ pub struct StepReport {
 
 /// A failed step. The state is unchanged.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("the step from t = {} s with h = {:e} s failed: {cause}", rounded(*t, 7), rounded(*h, 5))]
+#[error("the step from t = {t} s with h = {h} s failed: {cause}")]
 pub struct StepError {
     /// Time at the start of the step, s.
     pub t: f64,
@@ -163,11 +163,6 @@ pub struct StepError {
     pub h: f64,
     /// The cause of the failure.
     pub cause: SolverError,
-}
-
-/// Rounds a number to this many decimal digits, for messages.
-fn rounded(value: f64, digits: usize) -> f64 {
-    format!("{value:.*e}", digits - 1).parse().unwrap_or(value)
 }
 
 impl StepError {
